@@ -1,0 +1,110 @@
+//! `annotate`: a map of your own, without a pipeline.
+
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use super::error::CliError;
+use super::screen::Screen;
+use crate::domain::annotate::{AnnotateConfig, Mode, Normalize, Overlap};
+use crate::domain::map::ImportConfig;
+use crate::domain::unet::DeviceName;
+use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
+use crate::report::picture::{Picture, Scale};
+use crate::report::png;
+use crate::stages::import_map::{ImportMap, Origin};
+use crate::stages::{annotate, compute};
+
+/// Arguments of `annotate`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "It writes `heat.parquet` (one row a cell: heat, class, probabilities), `heat.png`, and `map.parquet`.
+
+Examples:
+  trodden annotate my_map.yaml --model artifacts/latest/quickstart/model --out annotated
+  trodden annotate plan.png --image-resolution 0.05 --model model --out annotated --mode exact --stride 1")]
+pub struct Args {
+    /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
+    map: PathBuf,
+    /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model`.
+    #[arg(long)]
+    model: PathBuf,
+    /// Folder to write to.
+    #[arg(long, short)]
+    out: PathBuf,
+    /// Edge of a pixel in meters, for a plain image.
+    #[arg(long, value_name = "METERS")]
+    image_resolution: Option<f64>,
+    /// `dense`: the whole map at once; `exact`: sliding windows, as the paper has it.
+    #[arg(long, value_enum, default_value = "dense")]
+    mode: ModeName,
+    /// Distance between neighboring windows in cells (exact mode).
+    #[arg(long, default_value_t = AnnotateConfig::default().stride)]
+    stride: u32,
+    /// How many of the 64 offsets modulo 8 are averaged (dense mode).
+    #[arg(long, default_value_t = AnnotateConfig::default().offsets)]
+    offsets: u32,
+    /// Divide by the map's maximum.
+    #[arg(long)]
+    normalize: bool,
+}
+
+#[derive(Debug, Clone, Copy, clap::ValueEnum)]
+enum ModeName {
+    Exact,
+    Dense,
+}
+
+impl Args {
+    pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let import = ImportConfig { image_resolution: self.image_resolution, ..ImportConfig::default() };
+        let map = ImportMap::new(Origin::of(&self.map), import)?.import()?;
+        let checkpoint = self.checkpoint()?;
+        let config = AnnotateConfig {
+            mode: match self.mode {
+                ModeName::Exact => Mode::Exact,
+                ModeName::Dense => Mode::Dense,
+            },
+            stride: self.stride,
+            offsets: self.offsets,
+            overlap: Overlap::default(),
+            normalize: if self.normalize { Normalize::Max } else { Normalize::None },
+            device: DeviceName::default(),
+        };
+        let compute = compute::open(config.device)?;
+        let mut progress = |_: usize, _: usize| ControlFlow::Continue(());
+        let heat = Placed::new(*map.frame(), annotate::heat(&map, &checkpoint, &config, &compute, &mut progress)?);
+        std::fs::create_dir_all(&self.out).map_err(|source| self.failed(&self.out, source))?;
+        self.write("heat.parquet", &heat.to_bytes()?, screen)?;
+        self.write("map.parquet", &map.to_bytes()?, screen)?;
+        self.write("heat.png", &self.picture(&heat), screen)?;
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn checkpoint(&self) -> Result<Checkpoint, CliError> {
+        let read = |name: &'static str| {
+            let path = self.model.join(name);
+            std::fs::read(&path).map_err(|source| CliError::File { action: "read", path, source })
+        };
+        // Read first, so that a missing file is named with its path.
+        let mut files = std::collections::BTreeMap::new();
+        for name in Checkpoint::FILES {
+            files.insert(name, read(name)?);
+        }
+        Ok(Checkpoint::from_files(|name| Ok(files.remove(name).expect("read above")))?)
+    }
+
+    fn picture(&self, heat: &Placed<Heat>) -> Vec<u8> {
+        let name = self.map.display().to_string();
+        png::figure(&Picture::of_heat(heat), Scale::Linear, &name)
+    }
+
+    fn write(&self, name: &str, bytes: &[u8], screen: &Screen) -> Result<(), CliError> {
+        let path = self.out.join(name);
+        std::fs::write(&path, bytes).map_err(|source| self.failed(&path, source))?;
+        screen.line(path.display().to_string())
+    }
+
+    fn failed(&self, path: &Path, source: std::io::Error) -> CliError {
+        CliError::File { action: "write", path: path.to_owned(), source }
+    }
+}

@@ -1,0 +1,26 @@
+//! `completions`: what a shell needs to complete commands.
+
+use std::process::ExitCode;
+
+use clap::CommandFactory;
+
+use super::error::CliError;
+use super::screen::Screen;
+
+/// Arguments of `completions`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Example:
+  trodden completions bash > ~/.local/share/bash-completion/completions/trodden")]
+pub struct Args {
+    /// The shell.
+    shell: clap_complete::Shell,
+}
+
+impl Args {
+    pub(super) fn run(&self, screen: &Screen) -> Result<ExitCode, CliError> {
+        let mut text = Vec::new();
+        clap_complete::generate(self.shell, &mut super::Cli::command(), "trodden", &mut text);
+        screen.line(String::from_utf8_lossy(&text).trim_end())?;
+        Ok(ExitCode::SUCCESS)
+    }
+}

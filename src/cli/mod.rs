@@ -1,0 +1,133 @@
+//! Speaks. One file per command: it reads arguments, asks the other rooms, and prints.
+//!
+//! stdout is data, stderr is progress and errors. Exit codes: 0 done, 1 a stage failed, 2 a bad request, 3 a damaged
+//! store, 130 interrupted.
+
+mod annotate;
+mod check;
+mod completions;
+mod diff;
+mod error;
+mod gc;
+mod init;
+mod keep;
+mod ls;
+mod plan;
+mod report;
+mod request;
+mod run;
+mod schema;
+mod screen;
+mod show;
+mod sql;
+mod status;
+mod verify;
+mod why;
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+use error::CliError;
+use screen::Screen;
+
+/// Learns where people walk: predicts from a floor plan how often each spot is visited.
+#[derive(Debug, Parser)]
+#[command(
+    name = "trodden",
+    version,
+    propagate_version = true,
+    max_term_width = 100,
+    after_help = "Examples:
+  trodden run pipelines/quickstart.yaml                        everything, from maps to report
+  trodden run pipelines/quickstart.yaml --set labels.classes=4 only what that changes
+  trodden why labels                                           what changed
+  trodden show heat/home_1000                                  a picture in the terminal
+  trodden annotate my_map.yaml --model artifacts/latest/quickstart/model --out annotated"
+)]
+pub struct Cli {
+    /// Folder of the artifact store.
+    #[arg(long, global = true, value_name = "DIR", default_value = "artifacts")]
+    store: PathBuf,
+    /// Print one JSON object a line instead of text.
+    #[arg(long, global = true)]
+    json: bool,
+    #[command(subcommand)]
+    command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Run a pipeline: everything that is not in the store yet.
+    Run(run::Args),
+    /// Show what a run would do.
+    Plan(plan::Args),
+    /// Say why a node ran, or would run: what differs from the pipeline's previous run.
+    Why(why::Args),
+    /// Show the newest run of each pipeline and what the store holds.
+    Status(status::Args),
+    /// List runs, or the nodes and artifacts of a run.
+    Ls(ls::Args),
+    /// Show an artifact: a raster as a picture, a table as a table.
+    Show(show::Args),
+    /// Ask the artifacts in SQL: `SELECT * FROM 'labels/home_00' LIMIT 5`.
+    Sql(sql::Args),
+    /// Compare the nodes of two runs.
+    Diff(diff::Args),
+    /// Write the report of a run as one HTML file.
+    Report(report::Args),
+    /// Mark a run, so that `gc` keeps what it reaches.
+    Keep(keep::Args),
+    /// Remove what no run needs any more.
+    Gc(gc::Args),
+    /// Read everything in the store and name what is damaged.
+    Verify(verify::Args),
+    /// Check a pipeline file without running it.
+    Check(check::Args),
+    /// Print the JSON Schema of pipeline files.
+    Schema(schema::Args),
+    /// Write a pipeline file to start from.
+    Init(init::Args),
+    /// Annotate a map of your own with a trained model, without a pipeline.
+    Annotate(annotate::Args),
+    /// Print completions for a shell.
+    Completions(completions::Args),
+}
+
+/// Parses the command line, runs the command and returns its exit code.
+#[must_use]
+pub fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let screen = Screen::new(cli.json);
+    match dispatch(&cli, &screen) {
+        Ok(code) => code,
+        Err(error) => {
+            error.print(&screen);
+            error.code()
+        }
+    }
+}
+
+fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
+    let store = cli.store.as_path();
+    match &cli.command {
+        Command::Run(args) => args.run(store, screen),
+        Command::Plan(args) => args.run(store, screen),
+        Command::Why(args) => args.run(store, screen),
+        Command::Status(args) => args.run(store, screen),
+        Command::Ls(args) => args.run(store, screen),
+        Command::Show(args) => args.run(store, screen),
+        Command::Sql(args) => args.run(store, screen),
+        Command::Diff(args) => args.run(store, screen),
+        Command::Report(args) => args.run(store, screen),
+        Command::Keep(args) => args.run(store, screen),
+        Command::Gc(args) => args.run(store, screen),
+        Command::Verify(args) => args.run(store, screen),
+        Command::Check(args) => args.run(screen),
+        Command::Schema(args) => args.run(screen),
+        Command::Init(args) => args.run(screen),
+        Command::Annotate(args) => args.run(store, screen),
+        Command::Completions(args) => args.run(screen),
+    }
+}

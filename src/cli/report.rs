@@ -1,0 +1,33 @@
+//! `report`: writes the report of a run.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use super::error::CliError;
+use super::screen::Screen;
+use crate::report::html;
+use crate::store::Store;
+
+/// Arguments of `report`.
+#[derive(Debug, clap::Args)]
+pub struct Args {
+    /// Id of the run, the beginning of it, or `latest`.
+    #[arg(default_value = "latest")]
+    run: String,
+    /// Write it here too.
+    #[arg(long, short, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+impl Args {
+    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let store = Store::open_existing(store)?;
+        let run = store.run(&self.run)?;
+        let page = html::write(&store, &run)?;
+        if let Some(out) = &self.out {
+            std::fs::copy(&page, out).map_err(|source| CliError::File { action: "write", path: out.clone(), source })?;
+        }
+        screen.line(page.display().to_string())?;
+        Ok(ExitCode::SUCCESS)
+    }
+}

@@ -1,0 +1,87 @@
+//! What several commands ask for: a pipeline file with settings, a store, a node of a run.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use clap::Args;
+
+use super::error::CliError;
+use crate::pipeline::spec::{self, Pipeline};
+use crate::stages::REGISTER;
+use crate::store::{Role, Run, RunNode, Store};
+
+/// A pipeline file and the settings that override it.
+#[derive(Debug, Clone, Args)]
+pub struct PipelineArgs {
+    /// Pipeline file (YAML).
+    #[arg(value_name = "PIPELINE")]
+    pub file: PathBuf,
+    /// Override a value of the file: `labels.classes=4`, `seed=7`, `maps.train.homes.count=3`.
+    #[arg(long = "set", value_name = "PATH=VALUE")]
+    pub sets: Vec<String>,
+}
+
+impl PipelineArgs {
+    /// Reads and checks the pipeline.
+    ///
+    /// # Errors
+    /// [`CliError::Pipeline`] with all that is wrong with the file.
+    pub fn load(&self) -> Result<Pipeline, CliError> {
+        load(&self.file, &self.sets)
+    }
+}
+
+/// Reads and checks a pipeline file.
+///
+/// # Errors
+/// [`CliError::Pipeline`] with all that is wrong with the file.
+pub fn load(file: &Path, sets: &[String]) -> Result<Pipeline, CliError> {
+    let text = |value: std::ffi::OsString| value.into_string().ok();
+    let variables: BTreeMap<String, String> =
+        std::env::vars_os().filter_map(|(name, value)| Some((text(name)?, text(value)?))).collect();
+    Ok(spec::load(&spec::Request { file, sets, variables: &variables, register: &REGISTER })?)
+}
+
+/// Finds the run that a command speaks of: the newest of a pipeline, the one with an id, or the newest of all.
+///
+/// # Errors
+/// [`CliError`] if there is no such run.
+pub fn find_run(store: &Store, pipeline: Option<&str>, id: Option<&str>) -> Result<Run, CliError> {
+    match (id, pipeline) {
+        (Some(id), _) => Ok(store.run(id)?),
+        (None, Some(pipeline)) => store.latest_run(pipeline, false)?.ok_or_else(|| {
+            CliError::advised(format!("no run of the pipeline `{pipeline}` is on record"), "`trodden status` lists what there is")
+        }),
+        (None, None) => store.run("latest").map_err(|_| {
+            CliError::advised("no run is on record in this store", "`trodden run PIPELINE` makes one")
+        }),
+    }
+}
+
+/// Finds a node by its full name.
+///
+/// # Errors
+/// [`CliError::Request`] that suggests the nearest name.
+pub fn find_node<'a>(run: &'a Run, name: &str) -> Result<&'a RunNode, CliError> {
+    if let Some(node) = run.nodes.iter().find(|node| node.node == name) {
+        return Ok(node);
+    }
+    let message = format!("the run {} of `{}` has no node `{name}`", run.id, run.pipeline);
+    let members: Vec<&str> = run
+        .nodes
+        .iter()
+        .filter(|node| node.role == Role::Node && node.node.strip_prefix(name).is_some_and(|rest| rest.starts_with('/')))
+        .map(|node| node.node.as_str())
+        .collect();
+    if !members.is_empty() {
+        return Err(CliError::advised(message, format!("it stands for {}", members.join(", "))));
+    }
+    let nearest = run.nodes.iter().max_by(|a, b| {
+        let likeness = |node: &RunNode| strsim::jaro_winkler(&node.node, name);
+        likeness(a).total_cmp(&likeness(b))
+    });
+    Err(match nearest {
+        Some(node) => CliError::advised(message, format!("did you mean `{}`?", node.node)),
+        None => CliError::request(message),
+    })
+}

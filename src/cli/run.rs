@@ -1,0 +1,142 @@
+//! `run`: runs a pipeline.
+
+use std::path::Path;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use super::error::CliError;
+use super::plan::print_plan;
+use super::request::PipelineArgs;
+use super::screen::Screen;
+use crate::pipeline::event::Event;
+use crate::pipeline::execute::{Options, RunReport, execute};
+use crate::report::bars::{BarStyle, Bars};
+use crate::report::html;
+use crate::store::{RunStatus, Store};
+
+/// Arguments of `run`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  trodden run pipelines/quickstart.yaml
+  trodden run pipelines/quickstart.yaml --set walks.episodes=200 --set model.epochs=10
+  trodden run pipelines/quickstart.yaml --only labels/home_03
+  trodden run pipelines/quickstart.yaml --json | jq -r 'select(.outcome == \"ran\") | .node'
+
+Exit codes: 0 done, 1 a stage failed, 2 a bad request, 3 a damaged store, 130 interrupted.")]
+pub struct Args {
+    #[command(flatten)]
+    pipeline: PipelineArgs,
+    /// Run only this node, stage or part and what it needs; may be given more than once.
+    #[arg(long, value_name = "NODE")]
+    only: Vec<String>,
+    /// The most nodes at a time [default: one for each core].
+    #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    jobs: Option<u32>,
+    /// The most memory in GiB that nodes running beside each other may ask for [default: three quarters of the machine's].
+    #[arg(long, value_name = "GIB", value_parser = positive)]
+    memory: Option<f64>,
+    /// After a failure go on with what does not need the failed node.
+    #[arg(long)]
+    keep_going: bool,
+    /// Only show what would run.
+    #[arg(long)]
+    dry_run: bool,
+    /// Mark the run, so that `gc` keeps what it reaches.
+    #[arg(long)]
+    keep: bool,
+    /// Print no progress.
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn positive(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
+        _ => Err("expected a number above 0".to_owned()),
+    }
+}
+
+impl Args {
+    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let pipeline = self.pipeline.load()?;
+        let store = Store::open(store)?;
+        if self.dry_run {
+            return print_plan(&pipeline, &store, &self.only, screen);
+        }
+        let cancelled = Arc::new(AtomicBool::new(false));
+        listen(&cancelled);
+        let options = Options {
+            jobs: self.jobs.map_or_else(cores, |jobs| jobs as usize),
+            memory: self.memory.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64),
+            keep_going: self.keep_going,
+            only: self.only.clone(),
+            cancelled: &cancelled,
+        };
+        let style = match (screen.json(), self.quiet, screen.color()) {
+            (true, ..) => BarStyle::Json,
+            (_, true, _) => BarStyle::Quiet,
+            (.., true) => BarStyle::Terminal,
+            _ => BarStyle::Plain,
+        };
+        let mut bars = Bars::new(style);
+        let mut last = None;
+        let report = execute(&pipeline, &store, &options, &mut |event| {
+            // The last line is for the end, when the report is written.
+            if matches!(event, Event::Run { .. }) { last = Some(event.clone()) } else { bars.hear(event) }
+        })?;
+        if self.keep {
+            store.mark_keep(&report.run.id, true)?;
+        }
+        let page = html::write(&store, &report.run);
+        if let Some(event) = &last {
+            bars.hear(event);
+        }
+        if style != BarStyle::Json && style != BarStyle::Quiet {
+            match page {
+                Ok(path) => screen.remark(format!("report: {}", path.display())),
+                Err(error) => screen.remark(format!("warning: no report: {error}")),
+            }
+        }
+        Ok(finish(&report, screen))
+    }
+}
+
+/// Says how to go on, and turns the outcome into an exit code.
+fn finish(report: &RunReport, screen: &Screen) -> ExitCode {
+    for failure in &report.failures {
+        screen.error(&format!("`{}` failed: {}", failure.node, failure.message), failure.help.as_deref());
+    }
+    if let Some(advice) = &report.advice {
+        screen.remark(advice);
+    }
+    match report.run.status {
+        RunStatus::Finished => ExitCode::SUCCESS,
+        RunStatus::Interrupted => ExitCode::from(130),
+        RunStatus::Failed if report.failures.iter().any(|failure| failure.damaged) => ExitCode::from(3),
+        RunStatus::Failed => ExitCode::from(1),
+    }
+}
+
+/// Lets the first Ctrl-C stop the run at the next safe point and the second one end the program.
+fn listen(cancelled: &Arc<AtomicBool>) {
+    let cancelled = Arc::clone(cancelled);
+    let handler = move || {
+        if cancelled.swap(true, Ordering::SeqCst) {
+            std::process::exit(130);
+        }
+    };
+    // Without a handler Ctrl-C ends the program at once, which the store survives as well.
+    let _ = ctrlc::set_handler(handler);
+}
+
+pub(super) fn cores() -> usize {
+    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+}
+
+fn three_quarters() -> u64 {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory();
+    let total = system.cgroup_limits().map_or_else(|| system.total_memory(), |limits| limits.total_memory);
+    total / 4 * 3
+}

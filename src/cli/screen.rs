@@ -1,0 +1,142 @@
+//! Where commands print: data to stdout, everything else to stderr, in color where that is wanted.
+
+use std::io::{self, IsTerminal, Write};
+
+use serde::Serialize;
+
+use super::error::CliError;
+
+/// The two streams and how to write to them.
+#[derive(Debug)]
+pub struct Screen {
+    json: bool,
+    colors: bool,
+    terminal: bool,
+}
+
+impl Screen {
+    /// Looks at the terminal and at `NO_COLOR`.
+    #[must_use]
+    pub fn new(json: bool) -> Self {
+        let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
+        let dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
+        Self {
+            json,
+            colors: !plain && !dumb && io::stderr().is_terminal(),
+            terminal: !plain && !dumb && io::stdout().is_terminal(),
+        }
+    }
+
+    /// Tells whether `--json` was given.
+    #[must_use]
+    pub const fn json(&self) -> bool {
+        self.json
+    }
+
+    /// Tells whether stderr takes color.
+    #[must_use]
+    pub const fn color(&self) -> bool {
+        self.colors
+    }
+
+    /// Tells whether stdout is a terminal that takes color.
+    #[must_use]
+    pub const fn terminal(&self) -> bool {
+        self.terminal
+    }
+
+    /// Prints a line of data.
+    ///
+    /// # Errors
+    /// [`CliError::Closed`] if nobody reads stdout any more.
+    pub fn line(&self, text: impl AsRef<str>) -> Result<(), CliError> {
+        let mut out = io::stdout().lock();
+        writeln!(out, "{}", text.as_ref()).map_err(|_| CliError::Closed)
+    }
+
+    /// Prints a value as one line of JSON.
+    ///
+    /// # Errors
+    /// [`CliError::Closed`] if nobody reads stdout any more.
+    pub fn object(&self, value: &impl Serialize) -> Result<(), CliError> {
+        self.line(serde_json::to_string(value).expect("what is printed is JSON"))
+    }
+
+    /// Prints a remark to stderr.
+    pub fn remark(&self, text: impl AsRef<str>) {
+        self.complain(text.as_ref());
+    }
+
+    /// Prints an error and what helps to stderr.
+    pub fn error(&self, message: &str, help: Option<&str>) {
+        let (red, cyan, reset) = if self.colors { ("\x1b[1;31m", "\x1b[1;36m", "\x1b[0m") } else { ("", "", "") };
+        self.complain(&format!("{red}error{reset}: {message}"));
+        if let Some(help) = help {
+            self.complain(&format!("{cyan}help{reset}: {help}"));
+        }
+    }
+
+    /// Prints text to stderr as it is; there is nowhere left to say that stderr is closed.
+    pub fn complain(&self, text: &str) {
+        let _ = writeln!(io::stderr().lock(), "{text}");
+    }
+}
+
+/// Arranges rows in columns: the widest entry decides, numbers stand at the right.
+#[must_use]
+pub fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
+    let width = |column: usize| {
+        let cells = rows.iter().map(|row| row[column].chars().count());
+        cells.chain([header[column].chars().count()]).max().unwrap_or(0)
+    };
+    let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    let numeric = |column: usize| {
+        !rows.is_empty() && rows.iter().all(|row| row[column].starts_with(|c: char| c.is_ascii_digit()) && !row[column].contains('-'))
+    };
+    let right: Vec<bool> = (0..header.len()).map(numeric).collect();
+    let line = |cells: &mut dyn Iterator<Item = &str>| {
+        let mut text = String::new();
+        for (column, cell) in cells.enumerate() {
+            let pad = " ".repeat(widths[column] - cell.chars().count());
+            let gap = if column > 0 { "  " } else { "" };
+            text.push_str(&if right[column] { format!("{gap}{pad}{cell}") } else { format!("{gap}{cell}{pad}") });
+        }
+        text.trim_end().to_owned()
+    };
+    let mut lines = vec![line(&mut header.iter().copied())];
+    lines.extend(rows.iter().map(|row| line(&mut row.iter().map(String::as_str))));
+    lines.join("\n")
+}
+
+/// Writes a number of bytes for people.
+#[must_use]
+pub fn bytes(count: u64) -> String {
+    const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
+    let mut value = count as f64;
+    let mut unit = 0;
+    while value >= 1024.0 && unit + 1 < UNITS.len() {
+        value /= 1024.0;
+        unit += 1;
+    }
+    if unit == 0 { format!("{count} B") } else { format!("{value:.1} {}", UNITS[unit]) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn columns_are_as_wide_as_their_widest_entry() {
+        let rows = [vec!["labels".to_owned(), "7".to_owned()], vec!["a".to_owned(), "12".to_owned()]];
+        assert_eq!(columns(&["node", "n"], &rows), "node     n\nlabels   7\na       12");
+    }
+
+    #[test]
+    fn bytes_are_written_in_the_unit_that_fits() {
+        let check = |count, expected: &str| assert_eq!(bytes(count), expected);
+        check(0, "0 B");
+        check(1023, "1023 B");
+        check(1536, "1.5 KiB");
+        check(5 << 30, "5.0 GiB");
+    }
+}

@@ -1,0 +1,46 @@
+//! `status`: the newest run of each pipeline and what the store holds.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use super::error::CliError;
+use super::ls::run_table;
+use super::screen::Screen;
+use crate::store::{RunSummary, Store};
+
+/// Arguments of `status`.
+#[derive(Debug, clap::Args)]
+pub struct Args {}
+
+impl Args {
+    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let store = Store::open_existing(store)?;
+        let mut newest: Vec<RunSummary> = Vec::new();
+        for run in store.runs()? {
+            if newest.iter().all(|other| other.pipeline != run.pipeline) {
+                newest.push(run);
+            }
+        }
+        if screen.json() {
+            for run in &newest {
+                screen.object(run)?;
+            }
+            return Ok(ExitCode::SUCCESS);
+        }
+        if newest.is_empty() {
+            screen.line(format!("the store `{}` holds no run yet", store.root().display()))?;
+            return Ok(ExitCode::SUCCESS);
+        }
+        screen.line(run_table(&newest))?;
+        for summary in &newest {
+            let run = store.run(&summary.id)?;
+            for node in run.nodes.iter().filter(|node| node.error.is_some()) {
+                screen.line(format!("{}: {} failed: {}", run.pipeline, node.node, node.error.as_deref().unwrap_or_default()))?;
+            }
+            for warning in &run.warnings {
+                screen.line(format!("{}: {warning}", run.pipeline))?;
+            }
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}

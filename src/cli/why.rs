@@ -1,0 +1,71 @@
+//! `why`: what differs from the pipeline's previous run.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use super::error::CliError;
+use super::request::{find_run, load};
+use super::screen::Screen;
+use crate::pipeline::plan::plan;
+use crate::pipeline::why::{of_plan, of_run};
+use crate::store::{Run, Store};
+
+/// Arguments of `why`.
+#[derive(Debug, clap::Args)]
+#[command(after_help = "Without a pipeline file it speaks of the newest run, held against the one before it; with one it speaks of
+the run that would come next.
+
+Examples:
+  trodden why labels
+  trodden why model pipelines/quickstart.yaml --set model.epochs=10")]
+pub struct Args {
+    /// A node (`labels/home_03`), a stage (`labels`) or a part (`model/epoch-07`).
+    node: String,
+    /// Pipeline file, to ask what the next run would do.
+    #[arg(value_name = "PIPELINE")]
+    file: Option<PathBuf>,
+    /// Override a value of the file.
+    #[arg(long = "set", value_name = "PATH=VALUE", requires = "file")]
+    sets: Vec<String>,
+    /// Speak of this run: its id, the beginning of it, or `latest`.
+    #[arg(long, value_name = "ID", conflicts_with = "file")]
+    run: Option<String>,
+    /// Speak of this pipeline's newest run.
+    #[arg(long, conflicts_with_all = ["file", "run"])]
+    pipeline: Option<String>,
+}
+
+impl Args {
+    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let answers = match &self.file {
+            Some(file) => {
+                let pipeline = load(file, &self.sets)?;
+                let store = Store::open(store)?;
+                let plan = plan(&pipeline, &store, &[])?;
+                let previous = store.latest_run(&pipeline.name, false)?;
+                of_plan(&plan, previous.as_ref(), &store, &self.node)?
+            }
+            None => {
+                let store = Store::open_existing(store)?;
+                let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref())?;
+                let previous = before(&store, &run)?;
+                of_run(&run, previous.as_ref(), &store, &self.node)?
+            }
+        };
+        for answer in &answers {
+            if screen.json() {
+                screen.object(&serde_json::json!({ "node": answer.node, "why": answer.lines }))?;
+            } else {
+                screen.line(answer.to_string())?;
+            }
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// The run of the same pipeline before `run`.
+fn before(store: &Store, run: &Run) -> Result<Option<Run>, CliError> {
+    let runs = store.runs()?;
+    let older = runs.iter().skip_while(|other| other.id != run.id).skip(1).find(|other| other.pipeline == run.pipeline);
+    Ok(older.map(|older| store.run(&older.id)).transpose()?)
+}

@@ -1,0 +1,118 @@
+//! Dense mode: the whole map at once, at several offsets.
+
+use std::ops::ControlFlow;
+
+use rayon::prelude::*;
+
+use super::{AnnotateError, Predict, Progress};
+use crate::domain::geometry::Grid;
+
+/// The network halves its input three times: shifting an input by this many cells shifts the prediction, no more.
+const PERIOD: usize = 8;
+
+/// Cells around a block that are shown to the network besides: more than the 28 it can see from any cell.
+const MARGIN: usize = 32;
+
+/// Largest edge of a block in cells; it bounds the memory that a large map takes.
+const BLOCK: usize = 384;
+
+/// Images that are predicted at once.
+const BATCH: usize = 8;
+
+/// Returns the first `count` of the 64 offsets modulo 8, in an order that keeps them well spread: that of the
+/// thresholds of ordered dithering (Bayer 1973), where the first 4ᵏ are a square lattice.
+fn offsets(count: usize) -> impl Iterator<Item = (usize, usize)> {
+    (0..count).map(|k| {
+        let bit = |i: usize| (k >> i) & 1;
+        let axis = |of: &dyn Fn(usize) -> usize| of(0) * 4 + of(2) * 2 + of(4);
+        (axis(&|i| bit(i) ^ bit(i + 1)), axis(&|i| bit(i)))
+    })
+}
+
+/// Splits a length into blocks of almost equal length, none above [`BLOCK`].
+fn blocks(length: usize) -> Vec<std::ops::Range<usize>> {
+    let step = length.div_ceil(length.div_ceil(BLOCK).max(1)).next_multiple_of(PERIOD);
+    (0..length).step_by(step.max(1)).map(|start| start..(start + step).min(length)).collect()
+}
+
+/// Computes the mean probabilities of every cell, shape [rows, cols, C + 1], over `count` offsets.
+///
+/// The map lies in endless obstacle. Blocks of it are predicted with a margin that is wider than the network can see,
+/// so the result does not depend on the blocks.
+pub(super) fn means(
+    free: &Grid<bool>,
+    classes: usize,
+    count: usize,
+    predict: &mut Predict<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<Vec<f32>, AnnotateError> {
+    let width = classes + 1;
+    let offsets: Vec<_> = offsets(count).collect();
+    let (bands, bars) = (blocks(free.rows()), blocks(free.cols()));
+    let total = bands.len() * bars.len() * offsets.len();
+    let mut done = 0;
+    let mut means = vec![0.0; free.len() * width];
+    let (mut images, mut predicted) = (Vec::new(), Vec::new());
+    for (band, bar) in bands.iter().flat_map(|band| bars.iter().map(move |bar| (band, bar))) {
+        let edge = |length: usize| (length + PERIOD - 1 + 2 * MARGIN).next_multiple_of(PERIOD);
+        let (rows, cols) = (edge(band.len()), edge(bar.len()));
+        let mut sums = vec![0.0f64; band.len() * bar.len() * width];
+        for batch in offsets.chunks(BATCH) {
+            images.resize(batch.len() * rows * cols, 0u8);
+            predicted.resize(images.len() * width, 0.0f32);
+            // The image of offset (down, right) begins `down` rows and `right` columns before the margin does.
+            images.par_chunks_exact_mut(rows * cols).zip(batch).for_each(|(image, &(down, right))| {
+                let top = band.start as isize - (MARGIN + down) as isize;
+                let left = bar.start as isize - (MARGIN + right) as isize;
+                for (i, value) in image.iter_mut().enumerate() {
+                    let cell = free.get(top + (i / cols) as isize, left + (i % cols) as isize);
+                    *value = u8::from(cell == Some(&true));
+                }
+            });
+            predict(&images, rows, cols, batch.len(), &mut predicted);
+            sums.par_chunks_exact_mut(bar.len() * width).enumerate().for_each(|(row, sums)| {
+                for (image, &(down, right)) in predicted.chunks_exact(rows * cols * width).zip(batch) {
+                    let start = (MARGIN + down + row) * cols + MARGIN + right;
+                    for (sum, value) in sums.iter_mut().zip(&image[start * width..]) {
+                        *sum += f64::from(*value);
+                    }
+                }
+            });
+            done += batch.len();
+            if progress(done, total) == ControlFlow::Break(()) {
+                return Err(AnnotateError::Cancelled);
+            }
+        }
+        for (row, sums) in band.clone().zip(sums.chunks_exact(bar.len() * width)) {
+            let out = &mut means[(row * free.cols() + bar.start) * width..];
+            for (mean, sum) in out.iter_mut().zip(sums) {
+                *mean = (sum / count as f64) as f32;
+            }
+        }
+    }
+    Ok(means)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn offsets_are_spread_and_complete() {
+        let all: std::collections::BTreeSet<_> = offsets(64).collect();
+        assert_eq!(all.len(), 64);
+        for (count, step) in [(1, 8), (4, 4), (16, 2)] {
+            assert!(offsets(count).all(|(down, right)| down % step == 0 && right % step == 0), "{count}");
+        }
+        assert_eq!(offsets(2).collect::<Vec<_>>(), [(0, 0), (4, 4)]);
+    }
+
+    #[test]
+    fn blocks_cover_a_length_once() {
+        for length in [1, 7, 8, 384, 385, 562, 2000] {
+            let blocks = blocks(length);
+            assert_eq!(blocks.iter().cloned().flatten().collect::<Vec<_>>(), (0..length).collect::<Vec<_>>());
+            assert!(blocks.iter().all(|block| block.len() <= BLOCK && block.start % PERIOD == 0), "{blocks:?}");
+        }
+    }
+}

@@ -1,0 +1,226 @@
+//! The network's predictions put onto whole maps (algorithm 1 of the paper, section IV-C and appendix D).
+//!
+//! Two estimators share everything but where the network looks. *Exact* ([`windows`]) is the paper's: windows slide over
+//! the map, and a cell gets the mean of what every window that covers it predicts. *Dense* ([`dense`]) uses that the
+//! network is fully convolutional: one pass over the whole map predicts all cells at once, each with its full
+//! surroundings in sight; what is left of a window's position is its offset modulo 8, because the network halves its
+//! input three times, so the mean runs over some of these 64 offsets.
+//!
+//! The network itself is a function that is passed in, [`Predict`].
+
+mod dense;
+mod windows;
+
+use std::ops::ControlFlow;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::geometry::Grid;
+use super::map::OccupancyMap;
+use super::unet::DeviceName;
+
+/// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols]: the arguments are the
+/// images, `rows`, `cols`, `n` and the probabilities to be written, shape [n, rows, cols, C + 1], class 0 the obstacle.
+pub type Predict<'a> = dyn FnMut(&[u8], usize, usize, usize, &mut [f32]) + 'a;
+
+/// Hears how many of all images are done; [`ControlFlow::Break`] ends the work.
+pub type Progress<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
+
+/// Where the network looks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Mode {
+    /// At windows that slide over the map, as in the paper.
+    #[default]
+    Exact,
+    /// At the whole map, once for each of some offsets: another estimator, many times as fast.
+    Dense,
+}
+
+/// Which cells of a window count (exact mode).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Overlap {
+    /// All; the windows lie `stride` cells apart and overlap.
+    #[default]
+    Full,
+    /// All, and the windows lie side by side, whatever `stride` says.
+    None,
+    /// Only the central `stride` × `stride` cells, so that each cell is predicted once: with stride 1 the central cell.
+    PerPixel,
+}
+
+/// What the heat is divided by at the end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Normalize {
+    /// Nothing: the heat of different maps compares.
+    #[default]
+    None,
+    /// The map's maximum.
+    Max,
+}
+
+/// Parameters of annotation.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct AnnotateConfig {
+    /// Where the network looks: at sliding windows (`exact`, the paper's) or at the whole map (`dense`).
+    pub mode: Mode,
+    /// Distance between neighboring windows in cells, from 1 to the window's size; the paper's is 1 (exact mode).
+    #[schemars(range(min = 1, max = 512))]
+    pub stride: u32,
+    /// Which cells of a window count; `none` and `per-pixel` are the paper's ablations (exact mode).
+    pub overlap: Overlap,
+    /// How many of the 64 offsets modulo 8 are averaged, 1 to 64 (dense mode).
+    #[schemars(range(min = 1, max = 64))]
+    pub offsets: u32,
+    /// What the heat is divided by at the end.
+    pub normalize: Normalize,
+    /// What computes.
+    pub device: DeviceName,
+}
+
+impl Default for AnnotateConfig {
+    fn default() -> Self {
+        Self {
+            mode: Mode::default(),
+            stride: 4,
+            overlap: Overlap::default(),
+            offsets: 16,
+            normalize: Normalize::default(),
+            device: DeviceName::default(),
+        }
+    }
+}
+
+/// What keeps a map from being annotated.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum AnnotateError {
+    #[error("`stride` is `{stride}`, allowed are 1 to the window's {window}")]
+    Stride { stride: u32, window: usize },
+    #[error("`offsets` is `{0}`, allowed are 1 to 64")]
+    Offsets(u32),
+    #[error("the window's size is `{0}`, allowed are multiples of 8")]
+    Window(usize),
+    #[error("annotation was cancelled")]
+    Cancelled,
+}
+
+impl AnnotateConfig {
+    /// Checks that every parameter is in its range, as far as that does not depend on the window's size.
+    ///
+    /// # Errors
+    /// [`AnnotateError`] names the parameter and what is allowed.
+    pub fn check(&self) -> Result<(), AnnotateError> {
+        self.check_with(512)
+    }
+
+    /// Checks that every parameter is in its range, for windows of `window` cells.
+    ///
+    /// # Errors
+    /// [`AnnotateError`] names the parameter and what is allowed.
+    pub fn check_with(&self, window: usize) -> Result<(), AnnotateError> {
+        if window == 0 || !window.is_multiple_of(8) {
+            return Err(AnnotateError::Window(window));
+        }
+        if self.stride == 0 || self.stride as usize > window {
+            return Err(AnnotateError::Stride { stride: self.stride, window });
+        }
+        if !(1..=64).contains(&self.offsets) {
+            return Err(AnnotateError::Offsets(self.offsets));
+        }
+        Ok(())
+    }
+}
+
+/// A map with the network's predictions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Annotation {
+    /// How much each cell is visited, 0 to 1; 0 in blocked cells.
+    pub heat: Grid<f32>,
+    /// Mean probability of each class, class 0 (obstacle) first; 0 in blocked cells.
+    pub probabilities: Vec<Grid<f32>>,
+}
+
+/// Returns the level of each of `classes` classes and, first, of the obstacle.
+///
+/// Class c has c / C. An obstacle that is predicted in free space is no hole in the map but a level of its own, half
+/// of that of class 1 (section IV-B).
+#[must_use]
+pub fn levels(classes: usize) -> Vec<f64> {
+    let count = classes.max(1) as f64;
+    std::iter::once(0.5 / count).chain((1..=classes).map(|class| class as f64 / count)).collect()
+}
+
+/// Annotates a map (algorithm 1) by a network for `classes` classes that was trained on windows of `window`² cells.
+///
+/// A window's value at a cell is the sum of [level](levels) times probability over the classes; a cell's heat is the
+/// mean over what covers it, times the map. Sums run in a fixed order, whatever the number of threads.
+///
+/// # Errors
+/// [`AnnotateError`] if a parameter is out of range or `progress` ended the work.
+pub fn annotate(
+    map: &OccupancyMap,
+    window: usize,
+    classes: usize,
+    config: &AnnotateConfig,
+    predict: &mut Predict<'_>,
+    progress: &mut Progress<'_>,
+) -> Result<Annotation, AnnotateError> {
+    config.check_with(window)?;
+    let free = map.free();
+    let means = match config.mode {
+        Mode::Exact => windows::means(free, classes, &windows::Slide::new(window, config), predict, progress)?,
+        Mode::Dense => dense::means(free, classes, config.offsets as usize, predict, progress)?,
+    };
+    let levels = levels(classes);
+    let value = |cell: &[f32]| cell.iter().zip(&levels).map(|(p, level)| f64::from(*p) * level).sum::<f64>() as f32;
+    let grid = |of: &dyn Fn(&[f32]) -> f32| {
+        let cells = means.chunks_exact(classes + 1).zip(free.as_slice());
+        Grid::from_vec(free.rows(), free.cols(), cells.map(|(cell, free)| if *free { of(cell) } else { 0.0 }).collect())
+    };
+    let mut heat = grid(&value);
+    if config.normalize == Normalize::Max {
+        let maximum = heat.as_slice().iter().fold(0.0, |a: f32, b| a.max(*b));
+        if maximum > 0.0 {
+            heat.as_mut_slice().iter_mut().for_each(|value| *value /= maximum);
+        }
+    }
+    Ok(Annotation { heat, probabilities: (0..=classes).map(|class| grid(&|cell| cell[class])).collect() })
+}
+
+/// Computes the thresholds between classes that make the heat of free cells fall into classes of given shares (line 6).
+///
+/// `distribution` has the shares of the classes 1 to C, as the training labels had them; threshold c is the percentile
+/// of the heat at the sum of the first c shares. Returns C − 1 thresholds.
+#[must_use]
+pub fn thresholds(heat: &Grid<f32>, map: &OccupancyMap, distribution: &[f64]) -> Vec<f32> {
+    let cells = heat.as_slice().iter().zip(map.free().as_slice());
+    let mut sorted: Vec<f32> = cells.filter(|(_, free)| **free).map(|(heat, _)| *heat).collect();
+    sorted.sort_by(f32::total_cmp);
+    let total: f64 = distribution.iter().sum();
+    let mut share = 0.0;
+    distribution[..distribution.len().saturating_sub(1)]
+        .iter()
+        .map(|class| {
+            share += class / total;
+            let below = (share * sorted.len() as f64).round() as usize;
+            sorted[below.min(sorted.len() - 1)]
+        })
+        .collect()
+}
+
+/// Sorts free cells into the classes 1 to C by [`thresholds`]; a cell whose heat is a threshold is in the class above it.
+/// Blocked cells are 0.
+#[must_use]
+pub fn quantize(heat: &Grid<f32>, map: &OccupancyMap, thresholds: &[f32]) -> Grid<i8> {
+    let class = |heat: &f32| 1 + thresholds.iter().filter(|threshold| heat >= *threshold).count() as i8;
+    let cells = heat.as_slice().iter().zip(map.free().as_slice());
+    let classes = cells.map(|(heat, free)| if *free { class(heat) } else { 0 }).collect();
+    Grid::from_vec(heat.rows(), heat.cols(), classes)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,156 @@
+use super::*;
+use crate::domain::geometry::{Cell, Frame};
+use crate::domain::random::Stream;
+
+/// A predictor that needs no network: what it says of a cell depends on the cells around it and on where the cell lies
+/// in the image, as with zero padding.
+fn synthetic(images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
+    assert_eq!((images.len(), out.len()), (n * rows * cols, n * rows * cols * 4));
+    for (cell, out) in out.chunks_exact_mut(4).enumerate() {
+        let (image, row, col) = (cell / (rows * cols), cell / cols % rows, cell % cols);
+        let at = |dr: isize, dc: isize| {
+            let (r, c) = (row as isize + dr, col as isize + dc);
+            let inside = r >= 0 && c >= 0 && r < rows as isize && c < cols as isize;
+            if inside { f32::from(images[image * rows * cols + r as usize * cols + c as usize]) } else { 0.0 }
+        };
+        let weights = [1.0 + at(0, 0), 2.0 * at(-2, 0) + 0.1, at(0, 3) + at(1, -1), 0.3 + at(5, 5)];
+        let sum: f32 = weights.iter().sum();
+        out.copy_from_slice(&weights.map(|w| w / sum));
+    }
+}
+
+fn maps() -> [OccupancyMap; 3] {
+    let map = |rows, cols, density: f64| {
+        let mut stream = Stream::new(5, &[0; 32], rows as u64, "annotate");
+        let free = Grid::from_fn(rows, cols, |_| stream.unit() > density);
+        OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("something is free")
+    };
+    [map(11, 17, 0.4), map(5, 3, 0.2), map(30, 9, 0.97)]
+}
+
+fn run(map: &OccupancyMap, window: usize, config: &AnnotateConfig) -> Annotation {
+    annotate(map, window, 3, config, &mut synthetic, &mut |_, _| ControlFlow::Continue(())).expect("in range")
+}
+
+/// Algorithm 1 read aloud: for each cell, every placement, one window at a time.
+fn slow(map: &OccupancyMap, window: usize, stride: usize, counts: impl Fn(usize, usize) -> bool) -> Grid<f64> {
+    let (n, free) = (window as isize, map.free());
+    Grid::from_fn(free.rows(), free.cols(), |cell| {
+        let (mut sum, mut covering) = (0.0, 0);
+        for top in (-n..free.rows() as isize).filter(|top| top.rem_euclid(stride as isize) == 0) {
+            for left in (-n..free.cols() as isize).filter(|left| left.rem_euclid(stride as isize) == 0) {
+                let (row, col) = (cell.row as isize - top, cell.col as isize - left);
+                if !(0..n).contains(&row) || !(0..n).contains(&col) || !counts(row as usize, col as usize) {
+                    continue;
+                }
+                let image: Vec<u8> =
+                    (0..n * n).map(|i| u8::from(map.is_free(top + i / n, left + i % n))).collect();
+                if !image.contains(&1) {
+                    continue;
+                }
+                let mut out = vec![0.0; window * window * 4];
+                synthetic(&image, window, window, 1, &mut out);
+                let p = &out[(row as usize * window + col as usize) * 4..][..4];
+                sum += (f64::from(p[0]) * 0.5 + f64::from(p[1]) + f64::from(p[2]) * 2.0) / 3.0 + f64::from(p[3]);
+                covering += 1;
+            }
+        }
+        if free[cell] { sum / f64::from(covering) } else { 0.0 }
+    })
+}
+
+fn assert_close(found: &Grid<f32>, expected: &Grid<f64>) {
+    for cell in expected.cells() {
+        assert!((f64::from(found[cell]) - expected[cell]).abs() < 1e-6, "{cell:?}: {} {}", found[cell], expected[cell]);
+    }
+}
+
+#[test]
+fn algorithm_1_agrees_with_a_direct_computation() {
+    for map in &maps() {
+        for (window, stride) in [(8, 1), (8, 3), (16, 4)] {
+            let config = AnnotateConfig { stride: stride as u32, ..AnnotateConfig::default() };
+            assert_close(&run(map, window, &config).heat, &slow(map, window, stride, |_, _| true));
+        }
+    }
+}
+
+#[test]
+fn ablations_agree_with_a_direct_computation() {
+    for map in &maps() {
+        let config = AnnotateConfig { stride: 2, overlap: Overlap::None, ..AnnotateConfig::default() };
+        assert_close(&run(map, 8, &config).heat, &slow(map, 8, 8, |_, _| true));
+        let config = AnnotateConfig { stride: 1, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        assert_close(&run(map, 8, &config).heat, &slow(map, 8, 1, |row, col| (row, col) == (4, 4)));
+        let config = AnnotateConfig { stride: 2, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        let center = |i: usize| i == 3 || i == 4;
+        assert_close(&run(map, 8, &config).heat, &slow(map, 8, 2, |row, col| center(row) && center(col)));
+    }
+}
+
+#[test]
+fn probabilities_are_means_and_blocked_cells_are_zero() {
+    let map = &maps()[0];
+    let annotation = run(map, 8, &AnnotateConfig::default());
+    for cell in map.free().cells() {
+        let p: Vec<f32> = annotation.probabilities.iter().map(|grid| grid[cell]).collect();
+        let sum: f32 = p.iter().sum();
+        if map.free()[cell] {
+            let heat = p[0] / 6.0 + p[1] / 3.0 + p[2] * 2.0 / 3.0 + p[3];
+            assert!((sum - 1.0).abs() < 1e-5 && (annotation.heat[cell] - heat).abs() < 1e-5, "{cell:?}");
+        } else {
+            assert_eq!((sum, annotation.heat[cell]), (0.0, 0.0));
+        }
+    }
+    let config = AnnotateConfig { normalize: Normalize::Max, ..AnnotateConfig::default() };
+    let scaled = run(map, 8, &config).heat;
+    assert_eq!(scaled.as_slice().iter().fold(0.0, |a: f32, b| a.max(*b)), 1.0);
+}
+
+/// The synthetic predictor sees no further than five cells, so with a margin its answer depends on the map alone.
+#[test]
+fn dense_mode_shows_every_cell_its_whole_surroundings() {
+    for map in &maps() {
+        for offsets in [1, 5, 64] {
+            let config = AnnotateConfig { mode: Mode::Dense, offsets, ..AnnotateConfig::default() };
+            // One window whose center is the cell, large enough to hold all that the predictor sees.
+            let config = run(map, 8, &config).heat;
+            assert_close(&config, &slow(map, 16, 1, |row, col| (row, col) == (8, 8)));
+        }
+    }
+}
+
+#[test]
+fn dense_mode_does_not_depend_on_its_blocks() {
+    let free = Grid::from_fn(6, 800, |cell| cell.col % 7 != 3 || cell.row == 2);
+    let map = OccupancyMap::new(free, Frame::at_zero(0.1, 6, 800)).expect("free");
+    let config = AnnotateConfig { mode: Mode::Dense, offsets: 2, ..AnnotateConfig::default() };
+    assert_close(&run(&map, 8, &config).heat, &slow(&map, 16, 1, |row, col| (row, col) == (8, 8)));
+}
+
+#[test]
+fn quantized_heat_has_the_given_distribution() {
+    let map = OccupancyMap::new(Grid::from_fn(10, 11, |cell| cell.col != 10), Frame::at_zero(0.1, 10, 11)).expect("free");
+    let mut stream = Stream::new(2, &[0; 32], 0, "heat");
+    let heat = Grid::from_fn(10, 11, |_| stream.unit() as f32);
+    let thresholds = thresholds(&heat, &map, &[0.8, 0.15, 0.05]);
+    let classes = quantize(&heat, &map, &thresholds);
+    let count = |class| classes.as_slice().iter().filter(|c| **c == class).count();
+    assert_eq!([count(0), count(1), count(2), count(3)], [10, 80, 15, 5]);
+    let hottest = |class| map.free().cells().filter(|c| classes[*c] == class).map(|c: Cell| heat[c]).fold(0.0, f32::max);
+    assert!(hottest(1) < hottest(2) && hottest(2) < hottest(3));
+}
+
+#[test]
+fn parameters_out_of_range_are_named() {
+    let config = |stride, offsets| AnnotateConfig { stride, offsets, ..AnnotateConfig::default() };
+    assert_eq!(config(65, 1).check_with(64), Err(AnnotateError::Stride { stride: 65, window: 64 }));
+    assert_eq!(config(1, 65).check(), Err(AnnotateError::Offsets(65)));
+    assert_eq!(config(1, 1).check_with(12), Err(AnnotateError::Window(12)));
+}
+
+#[test]
+fn progress_may_end_the_work() {
+    let result = annotate(&maps()[0], 8, 3, &AnnotateConfig::default(), &mut synthetic, &mut |_, _| ControlFlow::Break(()));
+    assert_eq!(result, Err(AnnotateError::Cancelled));
+}

@@ -1,0 +1,320 @@
+//! Walkers with given goals, moved step by step.
+
+use std::sync::Arc;
+
+use crate::domain::geometry::Point;
+use crate::domain::orca::{AgentParameters, Simulation};
+use crate::domain::random::Stream;
+
+use super::deadlock::Yielding;
+use super::episode::Summary;
+use super::routes::{Route, Search};
+use super::scene::Scene;
+use super::space::FreeSpace;
+use super::walker::{Line, Walker};
+
+/// How an agent's present path goes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Status {
+    /// Under way.
+    Walking,
+    /// At the goal; it stays there, and makes room for others, until it is sent elsewhere.
+    Arrived,
+    /// Under way, but advanced by less than 0.5 m in 5 s at some time since it was sent.
+    Stuck,
+}
+
+/// What happened in the steps of a crowd.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Tally {
+    /// Deepest reach of a disc into a blocked cell, in meters.
+    pub wall_overlap_max_m: f64,
+    /// Positions with a disc more than 1 cm in a wall.
+    pub wall_hits: u64,
+    /// Positions with the center in a blocked cell.
+    pub blocked_centers: u64,
+    /// Moves that the last resort against walls corrected.
+    pub corrected_moves: u64,
+    /// Deepest overlap of two discs that see each other, in meters.
+    pub agent_overlap_max_m: f64,
+    /// Positions of pairs of such discs that overlap by more than 1 cm.
+    pub agent_hits: u64,
+    /// Times an agent gave way.
+    pub gave_way: u64,
+    /// Detours around agents that stood in the way.
+    pub detours: u64,
+    /// Agent positions computed.
+    pub agent_steps: u64,
+}
+
+/// Who comes towards an agent is evaded within this distance, in meters.
+const EVADE: f64 = 1.5;
+/// Speed along the agent's heading below which someone is in its way, in m/s.
+const ONCOMING: f64 = 0.1;
+/// Sideways offset, in meters, within which two are on one line.
+const SAME_LINE: f64 = 0.1;
+/// How far a wish is turned aside: the tangent of the angle.
+const TURN: f64 = 0.6;
+/// A disc may reach this far into a wall, in meters.
+const TOLERATED: f64 = 0.01;
+
+/// Agents among the walls of a scene, each with a goal.
+#[derive(Debug)]
+pub struct Crowd<'s> {
+    pub(super) scene: &'s Scene,
+    pub(super) simulation: Simulation,
+    pub(super) walkers: Vec<Walker>,
+    pub(super) search: Search,
+    pub(super) tally: Tally,
+    yielding: Yielding,
+    sent: u64,
+    before: Vec<Point>,
+}
+
+impl<'s> Crowd<'s> {
+    /// Returns a crowd of nobody.
+    #[must_use]
+    pub fn new(scene: &'s Scene) -> Self {
+        Self {
+            scene,
+            simulation: Simulation::new(scene.config().time_step, Arc::clone(scene.obstacles())),
+            walkers: Vec::new(),
+            search: scene.router().search(),
+            tally: Tally::default(),
+            yielding: Yielding::default(),
+            sent: 0,
+            before: Vec::new(),
+        }
+    }
+
+    /// Adds an agent at rest with its preferred speed in m/s and the stream of its noise; returns its index.
+    pub fn add(&mut self, position: Point, speed: f64, noise: Stream) -> usize {
+        let config = self.scene.config();
+        self.walkers.push(Walker::new(position, speed, noise, config.time_step));
+        self.simulation.add_agent(
+            position,
+            AgentParameters {
+                radius: config.radius,
+                max_speed: speed * config.max_speed_factor,
+                neighbor_distance: config.neighbor_distance,
+                max_neighbors: config.max_neighbors,
+                time_horizon: config.horizon,
+                obstacle_horizon: config.obstacle_horizon,
+            },
+        )
+    }
+
+    /// Sets whether the others heed an agent.
+    pub fn set_visible(&mut self, agent: usize, visible: bool) {
+        self.simulation.set_visible(agent, visible);
+        self.walkers[agent].is_ghost = !visible;
+    }
+
+    /// Sends an agent to a goal; returns `false`, and lets it be, if no way leads there.
+    pub fn send(&mut self, agent: usize, goal: Point) -> bool {
+        let from = self.position(agent);
+        let route = self.scene.router().route(self.scene.space(), &mut self.search, from, goal, |_| true);
+        route.is_some_and(|route| {
+            self.send_along(agent, route);
+            true
+        })
+    }
+
+    /// Sends an agent along a route that begins where it is.
+    pub fn send_along(&mut self, agent: usize, route: Route) {
+        self.walkers[agent].send(route, self.sent);
+        self.sent += 1;
+    }
+
+    /// Sends an agent to a goal drawn from the scene's places; returns `false` if there is none.
+    pub(super) fn send_somewhere(&mut self, agent: usize, stream: &mut Stream) -> bool {
+        let (scene, from) = (self.scene, self.position(agent));
+        let route = scene.places().goal(scene.space(), scene.router(), &mut self.search, stream, from);
+        route.is_some_and(|route| {
+            self.send_along(agent, route);
+            true
+        })
+    }
+
+    /// Returns the number of agents.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.walkers.len()
+    }
+
+    /// Tells whether there are no agents.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.walkers.is_empty()
+    }
+
+    /// Returns the position of an agent in the local frame, in meters.
+    #[must_use]
+    pub fn position(&self, agent: usize) -> Point {
+        self.simulation.position(agent)
+    }
+
+    /// Returns the velocity of an agent in m/s.
+    #[must_use]
+    pub fn velocity(&self, agent: usize) -> Point {
+        self.simulation.velocity(agent)
+    }
+
+    /// Returns the length of the way to an agent's goal that is left, in meters.
+    #[must_use]
+    pub fn remaining(&self, agent: usize) -> f64 {
+        self.walkers[agent].line.remaining(self.position(agent))
+    }
+
+    /// Returns how the present path of an agent goes.
+    #[must_use]
+    pub fn status(&self, agent: usize) -> Status {
+        let walker = &self.walkers[agent];
+        if walker.arrived {
+            Status::Arrived
+        } else if walker.is_stuck() {
+            Status::Stuck
+        } else {
+            Status::Walking
+        }
+    }
+
+    // DEBUG
+    pub fn describe(&self, agent: usize) -> String {
+        let w = &self.walkers[agent];
+        let p = self.position(agent); let v = self.velocity(agent); let a = w.current().aim();
+        let q = self.simulation.preferred_velocity(agent); format!("{agent}{} ({:.2},{:.2}) v {:.2},{:.2} want {:.2},{:.2} aim {:.2},{:.2} rem {:.2} slow {:.1} {}", if w.arrived {"*"} else {""}, p.x, p.y, v.x, v.y, q.x, q.y, a.x, a.y, w.line.remaining(p), w.slow, w.aside.as_ref().map_or(format!("r{}", w.rank), |a| format!("aside for {} end {:.2},{:.2}", a.for_whom, a.line.route.end().x, a.line.route.end().y)))
+    }
+    pub fn draw_start_debug(&mut self, s: &mut Stream) -> Point {
+        let taken: Vec<Point> = (0..self.len()).map(|a| self.position(a)).collect();
+        self.scene.places().start(self.scene.space(), s, &taken, 0.4).expect("x")
+    }
+    pub fn send_somewhere_debug(&mut self, a: usize, s: &mut Stream) -> bool { self.send_somewhere(a, s) }
+    // END DEBUG
+    /// Returns what has happened so far; paths are counted by those who give goals.
+    #[must_use]
+    pub fn summary(&self) -> Summary {
+        Summary::default().with_tally(&self.tally)
+    }
+
+    /// Returns what has happened so far.
+    #[must_use]
+    pub(super) const fn tally(&self) -> &Tally {
+        &self.tally
+    }
+
+    /// Moves everyone by one time step.
+    pub fn step(&mut self) {
+        let mut yielding = std::mem::take(&mut self.yielding);
+        yielding.settle(self);
+        self.yielding = yielding;
+        for agent in 0..self.walkers.len() {
+            self.set_wish(agent);
+        }
+        self.before.clear();
+        self.before.extend((0..self.walkers.len()).map(|agent| self.simulation.position(agent)));
+        self.simulation.step();
+        self.keep_out_of_walls();
+        self.count_overlaps();
+        let time_step = self.scene.config().time_step;
+        for (agent, walker) in self.walkers.iter_mut().enumerate() {
+            walker.note(self.simulation.position(agent), time_step);
+        }
+    }
+
+    /// Sets an agent's preferred velocity: towards the furthest point of its line in sight, with noise.
+    fn set_wish(&mut self, agent: usize) {
+        let (scene, config) = (self.scene, self.scene.config());
+        let position = self.simulation.position(agent);
+        let walker = &mut self.walkers[agent];
+        if let Some(aside) = &mut walker.aside
+            && !aside.line.look(scene.space(), position)
+        {
+            walker.aside = None;
+        }
+        if walker.aside.is_none() && !walker.line.look(scene.space(), position) {
+            // Pushed out of sight of its route: find the way anew.
+            let goal = walker.line.route.end();
+            if let Some(route) = scene.router().route(scene.space(), &mut self.search, position, goal, |_| true) {
+                walker.reroute(route, position, false);
+                walker.line.look(scene.space(), position);
+            }
+        }
+        let wish = walker.wish(position, config.time_step);
+        let wish = evading(wish, agent, &self.simulation, scene.space());
+        let walker = &mut self.walkers[agent];
+        let wish = wish + walker.noise(config.noise, config.time_step);
+        let turns = walker.aside.as_ref().is_some_and(|aside| aside.steps == 0) || walker.slow > 0.0;
+        if turns && wish.dot(self.simulation.velocity(agent)) < 0.5 * wish.norm_squared() {
+            self.simulation.set_velocity(agent, wish * 0.6);
+        }
+        self.simulation.set_preferred_velocity(agent, wish);
+    }
+
+    fn keep_out_of_walls(&mut self) {
+        let space = self.scene.space();
+        for agent in 0..self.walkers.len() {
+            let (from, to) = (self.before[agent], self.simulation.position(agent));
+            let kept = space.keep_out(from, to);
+            if kept != to {
+                self.simulation.set_position(agent, kept);
+                self.simulation.set_velocity(agent, (kept - from) * (1.0 / self.simulation.time_step()));
+                self.tally.corrected_moves += 1;
+            }
+            let overlap = self.scene.wall_overlap(kept);
+            self.tally.agent_steps += 1;
+            self.tally.wall_overlap_max_m = self.tally.wall_overlap_max_m.max(overlap);
+            self.tally.wall_hits += u64::from(overlap > TOLERATED);
+            self.tally.blocked_centers += u64::from(!space.is_free(kept));
+        }
+    }
+
+    fn count_overlaps(&mut self) {
+        let reach = 2.0 * self.scene.config().radius;
+        let discs = self.simulation.discs();
+        for (i, disc) in discs.iter().enumerate() {
+            for (j, other) in discs.iter().enumerate().skip(i + 1) {
+                let squared = (disc.position - other.position).norm_squared();
+                if squared < reach * reach && !self.walkers[i].is_ghost && !self.walkers[j].is_ghost {
+                    let overlap = reach - squared.sqrt();
+                    self.tally.agent_overlap_max_m = self.tally.agent_overlap_max_m.max(overlap);
+                    self.tally.agent_hits += u64::from(overlap > TOLERATED);
+                }
+            }
+        }
+    }
+
+    /// Returns the way ahead of an agent for at most `length` meters.
+    pub(super) fn ahead(&self, agent: usize, length: f64, points: &mut Vec<Point>) {
+        let line: &Line = self.walkers[agent].current();
+        line.ahead(self.position(agent), length, points);
+    }
+}
+
+/// Turns a wish aside where someone comes straight towards the agent: to the side on which there is more room, or to the
+/// right where both are alike.
+///
+/// ORCA lets a head-on pair push each other along instead: who comes walking never has to slow down for who gives in.
+fn evading(wish: Point, agent: usize, simulation: &Simulation, space: &FreeSpace) -> Point {
+    let (position, heading) = (simulation.position(agent), wish.normalized());
+    let mut met = None;
+    let mut nearest = EVADE;
+    for (other, disc) in simulation.discs().iter().enumerate() {
+        let to = disc.position - position;
+        let ahead = to.dot(heading);
+        if other == agent || ahead <= 0.0 || ahead > nearest {
+            continue;
+        }
+        let left = heading.det(to);
+        if left.abs() < 2.0 * space.radius() && disc.velocity.dot(heading) < ONCOMING {
+            nearest = ahead;
+            met = Some((disc.position, left));
+        }
+    }
+    let Some((other, left)) = met else { return wish };
+    let beside = wish.perpendicular().normalized() * (2.0 * space.radius() + 0.5 * SAME_LINE);
+    let eye = space.eye(position);
+    let sides = if left < -SAME_LINE { [1.0, -1.0] } else { [-1.0, 1.0] };
+    let side = sides.into_iter().find(|side| space.sees(eye, other + beside * *side)).unwrap_or(0.0);
+    wish + wish.perpendicular() * (side * TURN)
+}

@@ -1,0 +1,374 @@
+//! Giving way: who is held up by someone of a lower rank gets room.
+//!
+//! Ranks are a total order, by when the agents set out, so there is always one whom nobody may hold up. If an agent is
+//! slow, everyone of a lower rank who is in its way ahead, and not under way in the same direction, steps aside: it
+//! walks to the nearest place off the way ahead, back out of a door or a corridor if need be, and waits there until
+//! their ways no longer meet head-on. Whoever steps aside inherits the rank of the one it does it for, so those behind
+//! it make room as well (the idea of priority inheritance with backtracking: Okumura et al., *Priority Inheritance with
+//! Backtracking for Iterative Multi-agent Path Finding*, 2022). Who finds no such place changes rank with the other.
+
+use crate::domain::geometry::{Cell, Point};
+
+use super::crowd::Crowd;
+use super::gates::{self, DECISION, Stride};
+use super::routes::Route;
+use super::walker::{Aside, Line, distance_to_line};
+
+/// Seconds of hardly advancing after which others have to make room.
+const PATIENCE: f64 = 0.4;
+/// Seconds of it after which an agent tries a way around those who stand in front of it, and pause between two tries.
+const DETOUR_PATIENCE: f64 = 1.5;
+const DETOUR_PAUSE: f64 = 2.0;
+/// A detour may be this much longer than the way that is left, in meters.
+const LONGEST_DETOUR: f64 = 12.0;
+/// Room has to be made along this much of the way ahead, in meters, and by agents this near.
+const WAY_AHEAD: f64 = 8.0;
+const NEAR: f64 = 3.0;
+/// The ways of others of a higher rank are kept free over this length, in meters.
+const OTHERS_AHEAD: f64 = 2.5;
+/// How far an agent goes to step aside, in meters.
+const FARTHEST_ASIDE: f64 = 9.0;
+/// Room between two discs that pass, in meters.
+const ROOM: f64 = 0.05;
+/// In the open it is enough to be this many radii off the other's way: ORCA does the rest.
+const BESIDE: f64 = 1.6;
+/// It is only tried where a place off the way is farther than this, in meters.
+const FAR_ASIDE: f64 = 2.0;
+/// Who is this near to its place aside is there, in meters.
+const AT_PLACE: f64 = 0.25;
+/// Two directions are the same way if the cosine between them is above this.
+pub const SAME_WAY: f64 = 0.3;
+/// Seconds after which an agent that waits to go in holds back those of a lower rank.
+const LONG_WAIT: f64 = 2.5;
+/// Seconds of stepping aside at least and at most.
+const SHORTEST_ASIDE: f64 = 0.5;
+const LONGEST_ASIDE: f64 = 5.0;
+/// How far an agent looks along its own way before it goes on, in meters, and how finely.
+const LOOK_BEFORE_GOING: f64 = 1.0;
+const HEAD_ON: f64 = 1.0;
+const LOOK_STEP: f64 = 0.25;
+/// Agents slower than this stand, in m/s.
+const STANDING: f64 = 0.3;
+
+/// Rank and, within it, how many agents away from the one that it was inherited from.
+type Rank = (u64, u32, usize);
+
+/// The working memory of giving way.
+#[derive(Debug, Default)]
+pub struct Yielding {
+    ranks: Vec<Rank>,
+    order: Vec<usize>,
+    theirs: Vec<Point>,
+    mine: Vec<Point>,
+    ways: Vec<Vec<Point>>,
+    standing: Vec<Point>,
+    /// Narrow stretch ahead of each agent that has entered one.
+    entered: Vec<Vec<Stride>>,
+    stretch: Vec<Stride>,
+    waiting: Vec<Stride>,
+    others: Vec<Point>,
+}
+
+impl Yielding {
+    /// Lets agents go on whose way has become free, and has others step aside for those who are held up.
+    pub fn settle(&mut self, crowd: &mut Crowd) {
+        if crowd.len() < 2 {
+            return;
+        }
+        self.rank(crowd);
+        self.find_entered(crowd);
+        // Who has been under way longest is asked first, whoever it steps aside for.
+        self.order.sort_unstable_by_key(|agent| (crowd.walkers[*agent].rank, *agent));
+        for place in 0..self.order.len() {
+            let agent = self.order[place];
+            if crowd.walkers[agent].aside.is_some() {
+                self.release(crowd, agent);
+            }
+            if crowd.walkers[agent].aside.is_none() {
+                self.enter_or_wait(crowd, agent);
+            }
+        }
+        if crowd.walkers.iter().all(|walker| walker.slow < PATIENCE) {
+            return;
+        }
+        self.rank(crowd);
+        for place in 0..self.order.len() {
+            let agent = self.order[place];
+            if crowd.walkers[agent].slow >= PATIENCE && !crowd.walkers[agent].is_ghost {
+                self.press(crowd, place);
+            }
+        }
+        for agent in 0..crowd.len() {
+            let walker = &crowd.walkers[agent];
+            if walker.slow >= DETOUR_PATIENCE && walker.detour_pause == 0.0 && walker.aside.is_none() {
+                self.detour(crowd, agent);
+            }
+        }
+    }
+
+    /// Notes who is in a narrow place or about to be, and the stretch of it that is left.
+    fn find_entered(&mut self, crowd: &mut Crowd) {
+        self.entered.resize(crowd.len().max(self.entered.len()), Vec::new());
+        let (scene, space) = (crowd.scene, crowd.scene.space());
+        for agent in 0..crowd.len() {
+            self.entered[agent].clear();
+            let inside = scene.gates().is_narrow(space, crowd.position(agent));
+            let walker = &mut crowd.walkers[agent];
+            // Who has come out again has to ask anew at the next one.
+            walker.has_entered = inside || (walker.has_entered && !walker.is_inside);
+            walker.is_inside = inside;
+            if walker.arrived || walker.is_ghost || !walker.has_entered {
+                continue;
+            }
+            crowd.ahead(agent, WAY_AHEAD, &mut self.mine);
+            let found = scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.entered[agent]);
+            crowd.walkers[agent].has_entered = found.is_some();
+        }
+    }
+
+    /// Lets an agent that comes to a narrow place go in, or wait if it would meet someone there.
+    fn enter_or_wait(&mut self, crowd: &mut Crowd, agent: usize) {
+        let walker = &crowd.walkers[agent];
+        if walker.arrived || walker.has_entered {
+            return;
+        }
+        crowd.ahead(agent, WAY_AHEAD, &mut self.mine);
+        let (scene, space) = (crowd.scene, crowd.scene.space());
+        if scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.stretch).is_none() {
+            return;
+        }
+        let Some(other) = self.met_inside(crowd, agent) else {
+            crowd.walkers[agent].has_entered = true;
+            self.entered[agent].clone_from(&self.stretch);
+            return;
+        };
+        crowd.ahead(other, WAY_AHEAD, &mut self.theirs);
+        if let Some(route) = self.place_aside(crowd, agent, other, false) {
+            self.step_aside(crowd, agent, other, route);
+        }
+    }
+
+    /// Returns someone whom an agent would meet in the narrow stretch ahead of it: one who is in it, or one of a higher
+    /// rank who has been waiting to go in.
+    fn met_inside(&mut self, crowd: &Crowd, agent: usize) -> Option<usize> {
+        let near = 2.0 * crowd.scene.config().radius + ROOM;
+        let others = (0..crowd.len()).filter(|other| *other != agent);
+        if let Some(other) = others.clone().find(|other| gates::meet(&self.stretch, &self.entered[*other], near)) {
+            return Some(other);
+        }
+        let rank = crowd.walkers[agent].rank;
+        others.filter(|other| crowd.walkers[*other].rank < rank && crowd.walkers[*other].slow >= LONG_WAIT).find(|other| {
+            let (walker, position) = (&crowd.walkers[*other], crowd.position(*other));
+            if walker.aside.is_none() || walker.is_ghost {
+                return false;
+            }
+            walker.line.ahead(position, WAY_AHEAD, &mut self.others);
+            let (scene, space) = (crowd.scene, crowd.scene.space());
+            let waits = scene.gates().first_stretch(space, &self.others, 2.0 * DECISION, &mut self.waiting).is_some();
+            waits && gates::meet(&self.stretch, &self.waiting, near)
+        })
+    }
+
+    fn step_aside(&mut self, crowd: &mut Crowd, agent: usize, for_whom: usize, route: Route) {
+        let (rank, depth, _) = self.ranks[for_whom];
+        crowd.walkers[agent].aside = Some(Aside { line: Line::new(route), for_whom, steps: 0 });
+        crowd.walkers[agent].has_entered = false;
+        self.entered[agent].clear();
+        self.ranks[agent] = (rank, depth + 1, agent);
+        crowd.tally.gave_way += 1;
+    }
+
+    fn rank(&mut self, crowd: &Crowd) {
+        self.ranks.clear();
+        self.ranks.extend((0..crowd.len()).map(|agent| inherited_rank(crowd, agent)));
+        self.order.clear();
+        self.order.extend(0..crowd.len());
+        let ranks = &self.ranks;
+        self.order.sort_unstable_by_key(|agent| ranks[*agent]);
+    }
+
+    /// Ends stepping aside where the ways no longer meet, or when it takes too long.
+    fn release(&mut self, crowd: &mut Crowd, agent: usize) {
+        let time_step = crowd.scene.config().time_step;
+        let Some(aside) = &mut crowd.walkers[agent].aside else { return };
+        aside.steps += 1;
+        let (seconds, other) = (aside.steps as f64 * time_step, aside.for_whom);
+        let is_over = seconds >= SHORTEST_ASIDE && !self.meet(crowd, agent, other);
+        if !is_over && seconds < LONGEST_ASIDE {
+            return;
+        }
+        let position = crowd.position(agent);
+        let (scene, goal) = (crowd.scene, crowd.walkers[agent].line.route.end());
+        crowd.walkers[agent].aside = None;
+        if let Some(route) = scene.router().route(scene.space(), &mut crowd.search, position, goal, |_| true) {
+            crowd.walkers[agent].reroute(route, position, false);
+        }
+    }
+
+    /// Tells whether an agent, going on now, would meet someone in a narrow place, or another one head-on right here.
+    fn meet(&mut self, crowd: &Crowd, agent: usize, other: usize) -> bool {
+        let (scene, space) = (crowd.scene, crowd.scene.space());
+        crowd.walkers[agent].line.ahead(crowd.position(agent), WAY_AHEAD, &mut self.mine);
+        if scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.stretch).is_some()
+            && self.met_inside(crowd, agent).is_some()
+        {
+            return true;
+        }
+        if crowd.walkers[other].arrived || crowd.walkers[other].aside.is_some() {
+            return false;
+        }
+        crowd.walkers[agent].line.ahead(crowd.position(agent), LOOK_BEFORE_GOING, &mut self.mine);
+        crowd.ahead(other, HEAD_ON, &mut self.theirs);
+        let near = 2.0 * crowd.scene.config().radius + ROOM;
+        self.mine.windows(2).any(|piece| {
+            let along = (piece[1] - piece[0]).normalized();
+            let looks = (piece[0].distance(piece[1]) / LOOK_STEP).ceil();
+            (0..=looks as usize).any(|i| {
+                let point = piece[0] + (piece[1] - piece[0]) * (i as f64 / looks.max(1.0));
+                let (distance, direction) = nearest_piece(point, &self.theirs);
+                distance < near && direction.dot(along) < SAME_WAY
+            })
+        })
+    }
+
+    /// Has everyone step aside who is of a lower rank than the agent at a place of the order, and in its way.
+    fn press(&mut self, crowd: &mut Crowd, place: usize) {
+        let agent = self.order[place];
+        let radius = crowd.scene.config().radius;
+        let near = 2.0 * radius + ROOM;
+        crowd.ahead(agent, WAY_AHEAD, &mut self.theirs);
+        let position = crowd.position(agent);
+        for i in place + 1..self.order.len() {
+            let other = self.order[i];
+            let there = crowd.position(other);
+            if there.distance(position) > NEAR {
+                continue;
+            }
+            let walker = &crowd.walkers[other];
+            // Already on its way to a place that leaves room.
+            let is_leaving = walker.aside.as_ref().is_some_and(|aside| {
+                let end = aside.line.route.end();
+                end.distance(there) > AT_PLACE && distance_to_line(end, &self.theirs) >= BESIDE * radius
+            });
+            let (distance, direction) = nearest_piece(there, &self.theirs);
+            let goes_along = !walker.arrived
+                && walker.aside.is_none()
+                && walker.wish(there, crowd.scene.config().time_step).normalized().dot(direction) > SAME_WAY;
+            if is_leaving || distance >= near || goes_along {
+                continue;
+            }
+            if let Some(route) = self.place_aside(crowd, other, agent, crowd.walkers[other].aside.is_some()) {
+                self.step_aside(crowd, other, agent, route);
+            } else if !crowd.walkers[other].arrived && crowd.walkers[agent].aside.is_none() {
+                // No place to go: it is the other way round.
+                let (high, low) = (crowd.walkers[agent].rank, crowd.walkers[other].rank);
+                if high < low && crowd.walkers[other].slow >= PATIENCE {
+                    crowd.walkers[agent].rank = low;
+                    crowd.walkers[other].rank = high;
+                    crowd.walkers[other].aside = None;
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Finds the nearest place off the ways of all who go first, and the way there.
+    fn place_aside(&mut self, crowd: &mut Crowd, agent: usize, for_whom: usize, strictly: bool) -> Option<Route> {
+        let scene = crowd.scene;
+        let (from, radius) = (crowd.position(agent), scene.config().radius);
+        let (near, frame) = (2.0 * radius + ROOM, scene.frame());
+        let mut ways = 0;
+        self.standing.clear();
+        for other in 0..crowd.len() {
+            let there = crowd.position(other);
+            if other == agent || other == for_whom || there.distance(from) > WAY_AHEAD {
+                continue;
+            }
+            let goes_first = self.ranks[other] < self.ranks[agent];
+            if goes_first && !crowd.walkers[other].arrived {
+                if ways == self.ways.len() {
+                    self.ways.push(Vec::new());
+                }
+                crowd.ahead(other, OTHERS_AHEAD, &mut self.ways[ways]);
+                ways += 1;
+            }
+            match &crowd.walkers[other].aside {
+                Some(aside) => self.standing.push(aside.line.route.end()),
+                None if crowd.walkers[other].slow >= PATIENCE || crowd.walkers[other].arrived => self.standing.push(there),
+                None => {}
+            }
+        }
+        let presser = crowd.position(for_whom);
+        let (own, theirs, others, standing) = (from.distance(presser), &self.theirs, &self.ways[..ways], &self.standing);
+        let is_passable = |cell: Cell| {
+            let distance = frame.center(cell).distance(presser);
+            distance >= near - ROOM || distance >= own
+        };
+        let mut nearest = |off: f64| {
+            let is_place = |cell: Cell| {
+                let center = frame.center(cell);
+                distance_to_line(center, theirs) >= off
+                    && (off >= near || !scene.gates().is_narrow(scene.space(), center))
+                    && others.iter().all(|way| distance_to_line(center, way) >= off)
+                    && standing.iter().all(|place| place.distance(center) >= near - ROOM)
+            };
+            scene.router().nearest(scene.space(), &mut crowd.search, from, FARTHEST_ASIDE, is_passable, is_place)
+        };
+        let off_the_way = nearest(near + 0.15);
+        if !strictly && off_the_way.as_ref().is_none_or(|route| route.length() > FAR_ASIDE) {
+            return nearest(BESIDE * radius).or(off_the_way);
+        }
+        off_the_way
+    }
+
+    /// Looks for a way around those who stand near an agent, and takes it unless it is much longer.
+    fn detour(&mut self, crowd: &mut Crowd, agent: usize) {
+        let scene = crowd.scene;
+        let position = crowd.position(agent);
+        crowd.walkers[agent].detour_pause = DETOUR_PAUSE;
+        self.standing.clear();
+        for other in 0..crowd.len() {
+            let there = crowd.position(other);
+            if other != agent && there.distance(position) < NEAR && crowd.velocity(other).norm() < STANDING {
+                self.standing.push(there);
+            }
+        }
+        if self.standing.is_empty() {
+            return;
+        }
+        let (near, frame, standing) = (2.0 * scene.config().radius, scene.frame(), &self.standing);
+        let is_free = |cell: Cell| standing.iter().all(|place| place.distance(frame.center(cell)) >= near);
+        let line = &crowd.walkers[agent].line;
+        let (goal, remaining) = (line.route.end(), line.remaining(position));
+        let route = scene.router().route(scene.space(), &mut crowd.search, position, goal, is_free);
+        if let Some(route) = route.filter(|route| route.length() < remaining + LONGEST_DETOUR) {
+            crowd.walkers[agent].reroute(route, position, true);
+            crowd.tally.detours += 1;
+        }
+    }
+}
+
+/// Returns the rank of the agent for whom, in the end, an agent steps aside, and how far away that is; its own if it
+/// goes its own way.
+fn inherited_rank(crowd: &Crowd, agent: usize) -> Rank {
+    let (mut root, mut depth) = (agent, 0);
+    while let Some(aside) = &crowd.walkers[root].aside
+        && (depth as usize) < crowd.len()
+    {
+        root = aside.for_whom;
+        depth += 1;
+    }
+    (crowd.walkers[root].rank, depth, agent)
+}
+
+/// Returns the distance from a point to a line of straight pieces, and the direction of the nearest piece.
+fn nearest_piece(point: Point, line: &[Point]) -> (f64, Point) {
+    let mut nearest = (point.distance(line[0]), Point::default());
+    for piece in line.windows(2) {
+        let distance = point.distance_to_segment(piece[0], piece[1]);
+        if distance < nearest.0 || nearest.1 == Point::default() {
+            nearest = (distance, (piece[1] - piece[0]).normalized());
+        }
+    }
+    nearest
+}

@@ -1,0 +1,16 @@
+//! Computes. Pure algorithms on plain values: no files, no clock, no environment, no printing, no store.
+
+pub mod annotate;
+pub mod crowd;
+pub mod geometry;
+pub mod homes;
+pub mod map;
+pub mod orca;
+pub mod quantize;
+pub mod random;
+pub mod raster;
+pub mod score;
+pub mod social;
+pub mod tiles;
+pub mod tracks;
+pub mod unet;

@@ -1,0 +1,397 @@
+//! Windows of maps and labels: cut, turned and mirrored, stitched back (sections IV-A and IV-C of the paper).
+
+#[path = "tiles/transform.rs"]
+mod transform;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::geometry::{Cell, Grid};
+use super::map::OccupancyMap;
+use super::quantize::{ClassCounts, Labels, OBSTACLE};
+
+pub use transform::Transform;
+
+/// Parameters of cutting maps into windows.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct TileConfig {
+    /// Edge of a window in cells, a multiple of 8 from 8 to 512 (the network halves it three times).
+    #[schemars(range(min = 8, max = 512), extend("multipleOf" = 8))]
+    pub size: u32,
+    /// Distance between neighboring windows in cells, from 1 to `size`.
+    #[schemars(range(min = 1, max = 512))]
+    pub stride: u32,
+    /// Windows with fewer labeled cells than this are dropped, 1 to `size`²; 256 is a sixteenth of a window of 64 cells.
+    #[schemars(range(min = 1, max = 262_144))]
+    pub min_labeled: u32,
+}
+
+impl Default for TileConfig {
+    fn default() -> Self {
+        Self { size: 64, stride: 8, min_labeled: 256 }
+    }
+}
+
+/// What keeps maps from becoming windows, or windows from becoming maps.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+pub enum TileError {
+    #[error("`size` is `{0}`, allowed are multiples of 8 from 8 to 512")]
+    Size(u32),
+    #[error("`stride` is `{stride}`, allowed are 1 to the window's {size}")]
+    Stride { stride: u32, size: u32 },
+    #[error("`min_labeled` is `{min_labeled}`, allowed are 1 to the window's {cells} cells")]
+    MinLabeled { min_labeled: u32, cells: u32 },
+    #[error("the labels of map `{map}` have {rows} × {cols} cells, the map {map_rows} × {map_cols}")]
+    SizeMismatch { map: String, rows: usize, cols: usize, map_rows: usize, map_cols: usize },
+    #[error("the labels of map `{map}` have {found} classes, those of the maps before it {classes}")]
+    ClassMismatch { map: String, found: u8, classes: u8 },
+    #[error("no window has `min_labeled` = {0} labeled cells")]
+    NoWindow(u32),
+    #[error("the windows of map `{map}` contradict each other at row {row}, column {col}")]
+    Contradiction { map: String, row: usize, col: usize },
+}
+
+impl TileConfig {
+    /// Checks that every parameter is in its range.
+    ///
+    /// # Errors
+    /// [`TileError`] names the parameter and what is allowed.
+    pub fn check(&self) -> Result<(), TileError> {
+        let &Self { size, stride, min_labeled } = self;
+        if !(8..=512).contains(&size) || !size.is_multiple_of(8) {
+            return Err(TileError::Size(size));
+        }
+        if !(1..=size).contains(&stride) {
+            return Err(TileError::Stride { stride, size });
+        }
+        if !(1..=size * size).contains(&min_labeled) {
+            return Err(TileError::MinLabeled { min_labeled, cells: size * size });
+        }
+        Ok(())
+    }
+}
+
+/// A map to be cut, with its labels.
+#[derive(Debug, Clone, Copy)]
+pub struct LabeledMap<'a> {
+    /// Name of the map.
+    pub name: &'a str,
+    /// Its free cells.
+    pub map: &'a OccupancyMap,
+    /// The classes of its cells.
+    pub labels: &'a Labels,
+}
+
+/// Square windows of some maps; every window is stored once, as it lies on its map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Tiles {
+    /// Edge of a window in cells.
+    pub size: usize,
+    /// Number of classes C.
+    pub classes: u8,
+    /// Names of the maps.
+    pub maps: Vec<String>,
+    /// For each window the index of its map and the row and column of its top left cell, which may be negative.
+    pub origin: Vec<(u32, i32, i32)>,
+    /// 1 for free and 0 for blocked cells; shape [windows, size, size].
+    pub occupancy: Vec<u8>,
+    /// −1 for unlabeled cells, 0 for blocked ones, else the class 1 to C; shape [windows, size, size].
+    pub labels: Vec<i8>,
+    /// For each window the share of its cells that are labeled.
+    pub labeled_share: Vec<f32>,
+}
+
+impl Tiles {
+    /// Returns the number of stored windows.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.origin.len()
+    }
+
+    /// Tells whether there is no window.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.origin.is_empty()
+    }
+
+    /// Returns the number of samples: each window in each of its eight [transforms](Transform).
+    #[must_use]
+    pub const fn samples(&self) -> usize {
+        self.len() * Transform::ALL.len()
+    }
+
+    /// Returns window and transform of a sample from 0 to [`samples`](Self::samples) − 1.
+    #[must_use]
+    pub const fn sample(&self, sample: usize) -> (usize, Transform) {
+        (sample / Transform::ALL.len(), Transform::ALL[sample % Transform::ALL.len()])
+    }
+
+    /// Returns the occupancy of one window in row-major order.
+    #[must_use]
+    pub fn occupancy_of(&self, window: usize) -> &[u8] {
+        &self.occupancy[window * self.size * self.size..][..self.size * self.size]
+    }
+
+    /// Returns the labels of one window in row-major order.
+    #[must_use]
+    pub fn labels_of(&self, window: usize) -> &[i8] {
+        &self.labels[window * self.size * self.size..][..self.size * self.size]
+    }
+
+    /// Counts the cells of each class over all stored windows, padding as obstacle; transforms do not change shares.
+    #[must_use]
+    pub fn class_counts(&self) -> ClassCounts {
+        ClassCounts::of(self.classes, &self.labels)
+    }
+
+    /// Puts the windows of one map back where they were cut from.
+    ///
+    /// # Errors
+    /// [`TileError::Contradiction`] if two windows disagree about a cell, or one about the outside of the map.
+    ///
+    /// # Panics
+    /// If `map` is not the index of one of [`maps`](Self::maps).
+    pub fn stitch(&self, map: usize, rows: usize, cols: usize) -> Result<Stitched, TileError> {
+        let name = &self.maps[map];
+        let mut cells: Grid<Option<(bool, i8)>> = Grid::filled(rows, cols, None);
+        for (window, &(of, top, left)) in self.origin.iter().enumerate() {
+            if of as usize != map {
+                continue;
+            }
+            for (i, (free, label)) in self.occupancy_of(window).iter().zip(self.labels_of(window)).enumerate() {
+                let (row, col) = (top as isize + (i / self.size) as isize, left as isize + (i % self.size) as isize);
+                let value = (*free == 1, *label);
+                let agrees = if cells.get(row, col).is_some() {
+                    *cells[Cell::new(row as usize, col as usize)].get_or_insert(value) == value
+                } else {
+                    value == (false, OBSTACLE)
+                };
+                if !agrees {
+                    let (row, col) = (row.max(0) as usize, col.max(0) as usize);
+                    return Err(TileError::Contradiction { map: name.clone(), row, col });
+                }
+            }
+        }
+        Ok(Stitched { free: cells.map(|c| c.map(|c| c.0)), labels: cells.map(|c| c.map(|c| c.1)) })
+    }
+}
+
+/// A map as its windows show it; `None` where none of them reaches.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Stitched {
+    /// Whether a cell is free.
+    pub free: Grid<Option<bool>>,
+    /// Label of a cell.
+    pub labels: Grid<Option<i8>>,
+}
+
+/// Cuts maps into overlapping windows.
+///
+/// The top left cells of the windows lie on multiples of `stride`, also before the map's first row and column, so that
+/// each cell is in equally many windows. Of them those are kept that contain a free cell, as in algorithm 1, and at
+/// least `min_labeled` labeled ones. What lies outside of a map is obstacle. Maps come in the given order, the windows of
+/// a map by row and column.
+///
+/// # Errors
+/// [`TileError`] if a parameter is out of range, labels do not fit their map or the maps before, or no window is left.
+pub fn cut(maps: &[LabeledMap<'_>], config: &TileConfig) -> Result<Tiles, TileError> {
+    config.check()?;
+    let mut tiles = Tiles {
+        size: config.size as usize,
+        classes: maps.first().map_or(0, |map| map.labels.count),
+        maps: maps.iter().map(|map| map.name.to_owned()).collect(),
+        origin: Vec::new(),
+        occupancy: Vec::new(),
+        labels: Vec::new(),
+        labeled_share: Vec::new(),
+    };
+    for (index, labeled) in maps.iter().enumerate() {
+        let (free, labels) = (labeled.map.free(), &labeled.labels.classes);
+        if (labels.rows(), labels.cols()) != (free.rows(), free.cols()) {
+            return Err(TileError::SizeMismatch {
+                map: labeled.name.to_owned(),
+                rows: labels.rows(),
+                cols: labels.cols(),
+                map_rows: free.rows(),
+                map_cols: free.cols(),
+            });
+        }
+        if labeled.labels.count != tiles.classes {
+            let (found, classes) = (labeled.labels.count, tiles.classes);
+            return Err(TileError::ClassMismatch { map: labeled.name.to_owned(), found, classes });
+        }
+        let index = u32::try_from(index).expect("fewer than 2³² maps");
+        cut_map(&mut tiles, index, labeled, config);
+    }
+    if tiles.is_empty() { Err(TileError::NoWindow(config.min_labeled)) } else { Ok(tiles) }
+}
+
+fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &TileConfig) {
+    let (free, labels) = (labeled.map.free(), &labeled.labels.classes);
+    let free_cells = Sums::new(free, |free| *free);
+    let labeled_cells = Sums::new(labels, |label| *label > OBSTACLE);
+    let (size, stride) = (i64::from(config.size), i64::from(config.stride));
+    // The first multiple of the stride at which a window still reaches the map.
+    let first = -((size - 1) / stride * stride);
+    let starts = |length: usize| (first..length as i64).step_by(config.stride as usize);
+    for top in starts(free.rows()) {
+        for left in starts(free.cols()) {
+            let count = labeled_cells.within(top, left, size);
+            if free_cells.within(top, left, size) == 0 || count < u64::from(config.min_labeled) {
+                continue;
+            }
+            tiles.origin.push((index, top as i32, left as i32));
+            tiles.labeled_share.push(count as f32 / (size * size) as f32);
+            push_window(&mut tiles.occupancy, free, top, left, size, 0, |free| u8::from(*free));
+            push_window(&mut tiles.labels, labels, top, left, size, OBSTACLE, |label| *label);
+        }
+    }
+}
+
+/// Appends one window of a grid, with `padding` where it reaches beyond it.
+fn push_window<T, U: Copy>(
+    out: &mut Vec<U>,
+    grid: &Grid<T>,
+    top: i64,
+    left: i64,
+    size: i64,
+    padding: U,
+    value: impl Fn(&T) -> U,
+) {
+    let cols = grid.cols() as i64;
+    let (from, to) = (left.clamp(0, cols), (left + size).clamp(0, cols));
+    for row in top..top + size {
+        let end = out.len() + size as usize;
+        if (0..grid.rows() as i64).contains(&row) {
+            out.resize(out.len() + (from - left) as usize, padding);
+            out.extend(grid.row(row as usize)[from as usize..to as usize].iter().map(&value));
+        }
+        out.resize(end, padding);
+    }
+}
+
+/// How many cells of a kind lie above and to the left of each corner: sums over rectangles in constant time.
+struct Sums(Grid<u64>);
+
+impl Sums {
+    fn new<T>(grid: &Grid<T>, counts: impl Fn(&T) -> bool) -> Self {
+        let mut sums = Grid::filled(grid.rows() + 1, grid.cols() + 1, 0u64);
+        for row in 0..grid.rows() {
+            let mut run = 0;
+            for (col, value) in grid.row(row).iter().enumerate() {
+                run += u64::from(counts(value));
+                sums[Cell::new(row + 1, col + 1)] = sums[Cell::new(row, col + 1)] + run;
+            }
+        }
+        Self(sums)
+    }
+
+    fn within(&self, top: i64, left: i64, size: i64) -> u64 {
+        let row = |row: i64| row.clamp(0, self.0.rows() as i64 - 1) as usize;
+        let col = |col: i64| col.clamp(0, self.0.cols() as i64 - 1) as usize;
+        let (top, bottom, left, right) = (row(top), row(top + size), col(left), col(left + size));
+        let at = |row, col| self.0[Cell::new(row, col)];
+        at(bottom, right) + at(top, left) - at(top, right) - at(bottom, left)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::geometry::Frame;
+    use crate::domain::random::Stream;
+    use proptest::prelude::*;
+
+    fn random_map(rows: usize, cols: usize, seed: u64) -> (OccupancyMap, Labels) {
+        let mut stream = Stream::new(seed, &[0; 32], 0, "tiles");
+        let mut classes = Grid::from_fn(rows, cols, |_| stream.below(5) as i8 - 1);
+        classes[Cell::new(0, 0)] = 1;
+        let free = classes.map(|class| *class != OBSTACLE);
+        let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("a free cell");
+        (map, Labels { classes, count: 3 })
+    }
+
+    #[test]
+    fn windows_start_before_the_map() {
+        let (map, labels) = random_map(3, 9, 1);
+        let labels = Labels { classes: labels.classes.map(|_| 2), ..labels };
+        let map = OccupancyMap::new(map.free().map(|_| true), *map.frame()).expect("all free");
+        let maps = [LabeledMap { name: "strip", map: &map, labels: &labels }];
+        let tiles = cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1 }).expect("windows");
+        let expected: Vec<_> = [-4, 0].iter().flat_map(|r| [-4, 0, 4, 8].map(|c| (0u32, *r, c))).collect();
+        assert_eq!(tiles.origin, expected);
+        // The last one of the first row holds the map's last column in its first one, rows 0 to 2 from its row 4 on.
+        let set: Vec<usize> = (0..64).filter(|i| tiles.labels_of(3)[*i] == 2).collect();
+        assert_eq!(set, [32, 40, 48]);
+        assert_eq!(tiles.labeled_share[3], 3.0 / 64.0);
+        assert_eq!(tiles.samples(), 64);
+        assert_eq!(tiles.sample(63), (7, Transform::AntiTranspose));
+        // Every cell of the map is in four windows.
+        assert_eq!(
+            tiles.class_counts(),
+            ClassCounts { obstacle: 8 * 64 - 4 * 27, classes: vec![0, 4 * 27, 0], unlabeled: 0 }
+        );
+    }
+
+    #[test]
+    fn windows_without_enough_labels_are_dropped() {
+        let (map, labels) = random_map(20, 20, 2);
+        let maps = [LabeledMap { name: "a", map: &map, labels: &labels }];
+        let config = TileConfig { size: 8, stride: 1, min_labeled: 40 };
+        let tiles = cut(&maps, &config).expect("windows");
+        let all = cut(&maps, &TileConfig { min_labeled: 1, ..config.clone() }).expect("windows");
+        let labeled = |tiles: &Tiles, window| tiles.labels_of(window).iter().filter(|l| **l > 0).count();
+        assert!((0..tiles.len()).all(|window| labeled(&tiles, window) >= 40));
+        assert_eq!((0..all.len()).filter(|window| labeled(&all, *window) >= 40).count(), tiles.len());
+        assert!(tiles.len() < all.len());
+        for window in 0..all.len() {
+            assert_eq!(all.labeled_share[window], labeled(&all, window) as f32 / 64.0);
+        }
+        assert_eq!(cut(&maps, &TileConfig { min_labeled: 64, ..config }), Err(TileError::NoWindow(64)));
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        let check =
+            |size, stride, min_labeled| TileConfig { size, stride, min_labeled }.check().expect_err("out of range");
+        assert_eq!(check(12, 4, 1).to_string(), "`size` is `12`, allowed are multiples of 8 from 8 to 512");
+        assert_eq!(check(16, 17, 1).to_string(), "`stride` is `17`, allowed are 1 to the window's 16");
+        assert_eq!(check(16, 4, 257).to_string(), "`min_labeled` is `257`, allowed are 1 to the window's 256 cells");
+        assert_eq!(TileConfig::default().check(), Ok(()));
+    }
+
+    #[test]
+    fn contradicting_windows_do_not_stitch() {
+        let (map, labels) = random_map(10, 10, 3);
+        let maps = [LabeledMap { name: "a", map: &map, labels: &labels }];
+        let mut tiles = cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1 }).expect("windows");
+        let window = tiles.origin.iter().position(|origin| *origin == (0, 0, 0)).expect("a window at the corner");
+        tiles.labels[window * 64 + 8 * 5 + 6] ^= 1;
+        let error = tiles.stitch(0, 10, 10).expect_err("a contradiction");
+        assert_eq!(error.to_string(), "the windows of map `a` contradict each other at row 5, column 6");
+    }
+
+    proptest! {
+        #[test]
+        fn cut_tiles_stitch_back(
+            sizes in prop::collection::vec((1usize..40, 1usize..40), 1..3), stride in 1u32..=8, seed in 0u64..1000,
+        ) {
+            let parts: Vec<_> = sizes.iter().map(|(rows, cols)| random_map(*rows, *cols, seed)).collect();
+            let maps: Vec<_> = parts.iter().map(|(map, labels)| LabeledMap { name: "m", map, labels }).collect();
+            let tiles = cut(&maps, &TileConfig { size: 8, stride, min_labeled: 1 }).expect("one labeled cell each");
+            for (index, (map, labels)) in parts.iter().enumerate() {
+                let (rows, cols) = (map.free().rows(), map.free().cols());
+                let stitched = tiles.stitch(index, rows, cols).expect("windows agree");
+                for cell in map.free().cells() {
+                    prop_assert!(stitched.free[cell].is_none_or(|free| free == map.free()[cell]));
+                    prop_assert!(stitched.labels[cell].is_none_or(|label| label == labels.classes[cell]));
+                    // What was dropped has no label to lose.
+                    prop_assert!(stitched.labels[cell].is_some() || labels.classes[cell] <= 0);
+                }
+            }
+            prop_assert_eq!(tiles.occupancy.len(), tiles.len() * 64);
+            prop_assert_eq!(tiles.labels.len(), tiles.len() * 64);
+        }
+    }
+}

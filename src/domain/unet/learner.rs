@@ -1,0 +1,186 @@
+//! One step of learning: the loss of a batch, its gradient, and Adam.
+
+use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, Optimizer};
+use burn::tensor::{Int, Tensor, TensorData};
+
+use super::batches::Batch;
+use super::compute::Compute;
+use super::layers::{Array, Arrays, Layers};
+use super::loss::weighted_cross_entropy;
+use super::model::{self, UNet};
+use super::{UnetError, ops};
+
+/// Adam's decay of the mean of gradients.
+const BETA_1: f32 = 0.9;
+/// Adam's decay of the mean of squared gradients.
+const BETA_2: f32 = 0.999;
+/// Adam's guard against division by zero; burn's default would be 1e-5.
+const EPSILON: f32 = 1e-8;
+
+/// Labeled pixels of each class, and how many of them the network gave their class.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+pub struct Tally {
+    /// Labeled pixels, class 0 (obstacle) first.
+    pub labeled: Vec<u64>,
+    /// Those among them that were predicted right.
+    pub correct: Vec<u64>,
+}
+
+impl Tally {
+    /// Starts counting `classes` classes and the obstacle.
+    #[must_use]
+    pub fn new(classes: usize) -> Self {
+        Self { labeled: vec![0; classes + 1], correct: vec![0; classes + 1] }
+    }
+
+    /// Counts a pixel with a label.
+    pub fn count(&mut self, label: usize, predicted: usize) {
+        self.labeled[label] += 1;
+        self.correct[label] += u64::from(label == predicted);
+    }
+
+    /// Adds what was counted elsewhere.
+    pub fn add(&mut self, other: &Self) {
+        for (sum, value) in self.labeled.iter_mut().zip(&other.labeled) {
+            *sum += value;
+        }
+        for (sum, value) in self.correct.iter_mut().zip(&other.correct) {
+            *sum += value;
+        }
+    }
+}
+
+/// A network that learns: parameters, optimizer and its moments.
+pub(super) struct Learner {
+    compute: Compute,
+    layers: Layers,
+    /// Weight of each class in the loss, class 0 first.
+    weights: Vec<f32>,
+    learning_rate: f64,
+    parameters: Tensor<1>,
+    adam: Adam,
+    moments: Option<AdamState<1>>,
+    pass: ops::SharedPass,
+}
+
+impl Learner {
+    /// Draws a new network.
+    pub(super) fn new(compute: &Compute, weights: Vec<f32>, learning_rate: f64, seed: u64) -> Self {
+        let classes = weights.len() - 1;
+        let parameters = UNet::init(classes, seed, compute.device()).parameters();
+        let adam = AdamConfig::new().with_beta_1(BETA_1).with_beta_2(BETA_2).with_epsilon(EPSILON).build();
+        Self {
+            pass: ops::SharedPass::new(classes),
+            compute: compute.clone(),
+            layers: Layers::new(classes),
+            weights,
+            learning_rate,
+            parameters: parameters.set_require_grad(false),
+            adam,
+            moments: None,
+        }
+    }
+
+    /// Takes over the network and the optimizer of a checkpoint.
+    pub(super) fn restore(&mut self, model: &Arrays, optimizer: &Arrays) -> Result<(), UnetError> {
+        let tensor = |flat: Vec<f32>| {
+            let count = flat.len();
+            Tensor::<1>::from_data(TensorData::new(flat, [count]), self.compute.device())
+        };
+        let steps = optimizer.get("step").ok_or_else(|| UnetError::MissingArray("step".to_owned()))?;
+        let &[steps] = steps.values.as_slice() else {
+            let found = steps.shape.clone();
+            return Err(UnetError::ArrayShape { name: "step".to_owned(), expected: vec![1], found });
+        };
+        let first = tensor(self.layers.from_arrays(optimizer, ".exp_avg")?);
+        let second = tensor(self.layers.from_arrays(optimizer, ".exp_avg_sq")?);
+        self.parameters = tensor(self.layers.from_arrays(model, "")?);
+        self.moments =
+            (steps > 0.0).then(|| AdamState::new(AdaptiveMomentumState::new(steps as usize, first, second)));
+        Ok(())
+    }
+
+    /// Returns the network's arrays.
+    pub(super) fn model(&self) -> Arrays {
+        self.layers.to_arrays(&to_vec(&self.parameters), "")
+    }
+
+    /// Returns the optimizer's arrays: PyTorch's names of both moments, and `step`, the number of steps taken.
+    pub(super) fn optimizer(&self) -> Arrays {
+        let zeros = || vec![0.0; self.layers.parameters()];
+        let (steps, first, second) = self.moments.as_ref().map_or_else(
+            || (0, zeros(), zeros()),
+            |state| (state.momentum.time, to_vec(&state.momentum.moment_1), to_vec(&state.momentum.moment_2)),
+        );
+        let mut arrays = self.layers.to_arrays(&first, ".exp_avg");
+        arrays.append(&mut self.layers.to_arrays(&second, ".exp_avg_sq"));
+        // f32 counts exactly to 2²⁴ steps, 50 times the epochs of the paper times 10,000 homes.
+        arrays.insert("step".to_owned(), Array { shape: vec![1], values: vec![steps as f32] });
+        arrays
+    }
+
+    /// Takes one step on a batch; returns the loss before it and what was predicted.
+    pub(super) fn learn(&mut self, batch: &Batch) -> (f64, Tally) {
+        let (loss, gradient, tally) = self.gradient(batch);
+        if loss.is_finite() {
+            let parameters = self.parameters.clone();
+            (self.parameters, self.moments) =
+                self.adam.step(self.learning_rate, parameters, gradient, self.moments.take());
+        }
+        (loss, tally)
+    }
+
+    /// Computes the loss of a batch, its gradient, and what was predicted.
+    pub(super) fn gradient(&self, batch: &Batch) -> (f64, Tensor<1>, Tally) {
+        let tracked = self.parameters.clone().autodiff().require_grad();
+        let (loss, tally) = match self.compute.kernels() {
+            Some(simd) => self.pass.loss(&tracked, simd, batch, &self.weights),
+            None => self.plain_loss(&tracked, batch),
+        };
+        let gradients = loss.clone().backward();
+        let gradient = tracked.grad(&gradients).expect("the loss depends on the parameters");
+        (f64::from(loss.into_scalar::<f32>()), gradient.inner(), tally)
+    }
+
+    fn plain_loss(&self, parameters: &Tensor<1>, batch: &Batch) -> (Tensor<1>, Tally) {
+        let device = self.compute.device();
+        let shape = [batch.len(), 1, batch.size, batch.size];
+        let occupancy: Vec<f32> = batch.occupancy.iter().map(|free| f32::from(*free)).collect();
+        let labels: Vec<i32> = batch.labels.iter().map(|label| i32::from(*label).max(0)).collect();
+        let weight = |label: &i8| usize::try_from(*label).map_or(0.0, |label| self.weights[label]);
+        let weights: Vec<f32> = batch.labels.iter().map(weight).collect();
+        let occupancy = Tensor::from_data(TensorData::new(occupancy, shape), device);
+        let labels = Tensor::<4, Int>::from_data(TensorData::new(labels, shape), device);
+        let weights = Tensor::from_data(TensorData::new(weights, shape), device);
+        let logits = model::logits(&self.layers, parameters, occupancy);
+        let predicted = logits.clone().inner().argmax(1).into_data_as::<i32>().try_into_vec::<i32>().expect("integers");
+        let mut tally = Tally::new(self.weights.len() - 1);
+        for (label, predicted) in batch.labels.iter().zip(predicted) {
+            if let Ok(label) = usize::try_from(*label) {
+                tally.count(label, predicted as usize);
+            }
+        }
+        (weighted_cross_entropy(logits, labels, weights), tally)
+    }
+}
+
+#[cfg(test)]
+impl Learner {
+    /// Computes the loss of a batch with the parameters from `start` on moved along a direction.
+    pub(super) fn loss_beside(&mut self, batch: &Batch, start: usize, direction: &[f32], step: f64) -> f64 {
+        let before = self.parameters.clone();
+        let mut flat = to_vec(&before);
+        for (value, along) in flat[start..].iter_mut().zip(direction) {
+            *value = (f64::from(*value) + step * f64::from(*along)) as f32;
+        }
+        let count = flat.len();
+        self.parameters = Tensor::from_data(TensorData::new(flat, [count]), self.compute.device());
+        let (loss, ..) = self.gradient(batch);
+        self.parameters = before;
+        loss
+    }
+}
+
+fn to_vec(tensor: &Tensor<1>) -> Vec<f32> {
+    tensor.to_data().try_into_vec().expect("parameters are f32")
+}

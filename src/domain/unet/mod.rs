@@ -1,0 +1,53 @@
+//! The segmentation U-Net: what it is, how it learns, how it predicts (section IV-B, appendix E of the paper).
+//!
+//! - [`layers`]: the seven convolutions and where their parameters lie;
+//! - [`model`]: the network as a burn module, in burn's own operations; [`loss`]: eq. 4 likewise;
+//! - [`ops`]: the same network as one operation of ours with hand-written kernels, several times as fast;
+//! - [`compute`]: which device and which instruction set does the work;
+//! - [`batches`]: which samples make a batch, and their assembly; [`trainer`]: epochs;
+//! - [`network`]: the trained network, applied to windows and whole maps.
+//!
+//! The bits of a result depend on device and instruction set (vector instructions fuse multiplications and additions),
+//! never on the number of threads: a batch is summed over fixed shards in a fixed order.
+
+pub mod batches;
+pub mod compute;
+pub mod layers;
+pub mod learner;
+pub mod loss;
+pub mod model;
+pub mod network;
+pub mod ops;
+pub mod trainer;
+
+pub use compute::{Compute, DeviceName, Simd};
+pub use layers::{Array, Arrays, Layers};
+pub use network::Network;
+pub use trainer::{BatchReport, EpochMetrics, TrainConfig, TrainState, Trainer};
+
+/// What keeps a network from being trained or applied.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum UnetError {
+    #[error("`{field}` is `{value}`, allowed are {allowed}")]
+    Range { field: &'static str, value: String, allowed: &'static str },
+    #[error("`{0}` is no instruction set: it is one of `avx512`, `avx2`, `portable`")]
+    UnknownSimd(String),
+    #[error("this processor has no `{0}`")]
+    MissingSimd(Simd),
+    #[error("this build has no device `{0}`: build it with `--features {0}`")]
+    MissingDevice(DeviceName),
+    #[error("the checkpoint has no `{0}`")]
+    MissingArray(String),
+    #[error("`{name}` of the checkpoint is of shape {found:?} instead of {expected:?}")]
+    ArrayShape { name: String, expected: Vec<usize>, found: Vec<usize> },
+    #[error("there is nothing to train on: no windows")]
+    NoSamples,
+    #[error("there are {found} class weights, the tiles have {expected} classes with the obstacle")]
+    ClassWeights { expected: usize, found: usize },
+    #[error("the checkpoint is of a network for {found} classes, the tiles have {expected}")]
+    ClassMismatch { expected: usize, found: usize },
+    #[error("the loss of batch {batch} of epoch {epoch} is `{loss}`: lower `learning_rate`")]
+    NotFinite { epoch: u32, batch: usize, loss: f64 },
+    #[error("training was cancelled")]
+    Cancelled,
+}

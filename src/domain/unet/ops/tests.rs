@@ -1,0 +1,230 @@
+//! The kernels against plain loops, the whole network against burn's own operations, gradients against differences.
+
+use super::convolution::{Then, Weights, convolve};
+use super::correlation::{Correlation, correlate};
+use super::image::{Image, PHASES};
+use super::pooling::{halve, unhalve};
+use super::*;
+use crate::domain::random::Stream;
+use crate::domain::unet::compute::{Compute, DeviceName};
+use crate::domain::unet::learner::Learner;
+use crate::domain::unet::network::Network;
+
+fn available() -> impl Iterator<Item = Simd> {
+    Simd::ALL.into_iter().filter(|simd| simd.is_available())
+}
+
+fn random(count: usize, seed: u64) -> Vec<f32> {
+    let mut stream = Stream::new(seed, &[0; 32], 0, "ops/test");
+    (0..count).map(|_| stream.between(-1.0, 1.0) as f32).collect()
+}
+
+fn random_image(rows: usize, cols: usize, channels: usize, seed: u64) -> Image {
+    let mut image = Image::default();
+    image.resize(rows, cols, channels);
+    let values = random(rows * cols * channels, seed);
+    for row in 0..rows {
+        image.row_mut(row).copy_from_slice(&values[row * cols * channels..][..cols * channels]);
+    }
+    image
+}
+
+/// Returns a value of an image, 0 outside of it.
+fn at(image: &Image, row: isize, col: isize, channel: usize) -> f64 {
+    let inside = row >= 0 && col >= 0 && row < image.rows as isize && col < image.cols as isize;
+    if inside { f64::from(image.row(row as usize)[col as usize * image.channels + channel]) } else { 0.0 }
+}
+
+/// Calls `f` with row, column and channel of every value inside of the border.
+fn for_each(image: &Image, mut f: impl FnMut(isize, isize, usize)) {
+    for index in 0..image.rows * image.cols * image.channels {
+        let (pixel, channel) = (index / image.channels, index % image.channels);
+        f((pixel / image.cols) as isize, (pixel % image.cols) as isize, channel);
+    }
+}
+
+fn assert_close(found: f64, expected: f64, of: f64, what: &str) {
+    assert!((found - expected).abs() <= 2e-6 * of, "{what}: {found} instead of {expected}");
+}
+
+#[test]
+fn convolution_is_a_sum_over_taps_and_channels() {
+    for simd in available() {
+        // Widths below, at and between multiples of a tile's.
+        for (rows, cols, inputs, outputs) in [(3, 1, 5, 16), (2, 8, 3, 32), (4, 11, 32, 48)] {
+            let (input, weights, bias) =
+                (random_image(rows, cols, inputs, 1), random(9 * inputs * outputs, 2), random(outputs, 3));
+            let gate = random_image(rows, cols, outputs, 4);
+            let sources = [(input.neighbors(), Weights { data: &weights, tap: inputs * outputs })];
+            let run = |then| {
+                let mut out = Image::default();
+                out.resize(rows, cols, outputs);
+                convolve(simd, &sources, &bias, then, &mut out.target());
+                assert!(out.data[..out.first()].iter().all(|border| *border == 0.0));
+                out
+            };
+            let (plain, relu, gated) = (run(Then::Nothing), run(Then::Relu), run(Then::Gate(&gate.data[gate.first()..])));
+            for_each(&plain, |row, col, output| {
+                let mut sum = f64::from(bias[output]);
+                for tap in 0..9 {
+                    for channel in 0..inputs {
+                        let weight = f64::from(weights[(tap * inputs + channel) * outputs + output]);
+                        sum += weight * at(&input, row + tap as isize / 3 - 1, col + tap as isize % 3 - 1, channel);
+                    }
+                }
+                assert_close(at(&plain, row, col, output), sum, 9.0 * inputs as f64, "plain");
+                assert_eq!(at(&relu, row, col, output), at(&plain, row, col, output).max(0.0));
+                let open = at(&gate, row, col, output) > 0.0;
+                assert_eq!(at(&gated, row, col, output), if open { at(&plain, row, col, output) } else { 0.0 });
+            });
+        }
+    }
+}
+
+#[test]
+fn correlation_is_a_sum_over_pixels() {
+    for simd in available() {
+        for (rows, cols, inputs, outputs) in [(3, 1, 9, 32), (20, 8, 13, 16), (5, 70, 8, 48)] {
+            let (input, gradient) = (random_image(rows, cols, inputs, 1), random_image(rows, cols, outputs, 2));
+            let (before, tap) = (random(9 * inputs * outputs, 3), inputs * outputs);
+            let mut sums = before.clone();
+            let correlation =
+                Correlation { input: input.neighbors(), gradient: gradient.pixels(), size: [rows, cols], tap };
+            correlate(simd, &correlation, &mut sums);
+            for (index, sum) in sums.iter().enumerate() {
+                let (tap, channel, output) = (index / tap, index % tap / outputs, index % outputs);
+                let mut expected = f64::from(before[index]);
+                for (row, col) in (0..rows as isize).flat_map(|row| (0..cols as isize).map(move |col| (row, col))) {
+                    let value = at(&input, row + tap as isize / 3 - 1, col + tap as isize % 3 - 1, channel);
+                    expected += value * at(&gradient, row, col, output);
+                }
+                assert_close(f64::from(*sum), expected, (rows * cols) as f64, "sum");
+            }
+        }
+    }
+}
+
+#[test]
+fn pooling_takes_the_maximum_and_gives_the_gradient_to_the_first() {
+    for simd in available() {
+        let mut image = random_image(4, 6, 16, 1);
+        // Two equal maxima.
+        image.row_mut(0)[0] = 5.0;
+        image.row_mut(1)[16] = 5.0;
+        let mut halved = Image::default();
+        halve(simd, &image, &mut halved);
+        let (halved_gradient, before) = (random_image(2, 3, 16, 2), random_image(4, 6, 16, 3));
+        let mut gradient = before.clone();
+        unhalve(simd, &image, &halved, &halved_gradient, &mut gradient);
+        for_each(&halved, |row, col, channel| {
+            let four = PHASES.map(|[a, b]| (2 * row + a as isize, 2 * col + b as isize));
+            let values = four.map(|(row, col)| at(&image, row, col, channel));
+            let most = values.iter().copied().fold(f64::MIN, f64::max);
+            assert_eq!(at(&halved, row, col, channel), most);
+            let first = values.iter().position(|value| *value == most).expect("one is the largest");
+            for (i, (r, c)) in four.into_iter().enumerate() {
+                let given = if i == first { at(&halved_gradient, row, col, channel) as f32 } else { 0.0 };
+                let sum = at(&before, r, c, channel) as f32 + given;
+                let expected = if values[i] > 0.0 { sum } else { 0.0 };
+                assert_eq!(at(&gradient, r, c, channel) as f32, expected);
+            }
+        });
+    }
+}
+
+fn batch(size: usize, samples: usize, classes: usize) -> Batch {
+    let mut stream = Stream::new(9, &[0; 32], 0, "ops/test");
+    let cells = samples * size * size;
+    Batch {
+        size,
+        occupancy: (0..cells).map(|_| u8::from(stream.unit() > 0.4)).collect(),
+        labels: (0..cells).map(|_| stream.below(classes + 2) as i8 - 1).collect(),
+    }
+}
+
+fn learner(compute: &Compute, classes: usize) -> Learner {
+    let weights = (0..=classes).map(|class| 0.1 + class as f32 * 0.3).collect();
+    Learner::new(compute, weights, 0.001, 11)
+}
+
+/// The largest difference between two gradients, relative to the largest value of the layer's part.
+fn difference(layers: &Layers, a: &[f32], b: &[f32]) -> f32 {
+    let parts = layers.all().into_iter().flat_map(|layer| [layer.weights(), layer.bias()]);
+    parts.fold(0.0, |worst, part| {
+        let pairs = a[part.clone()].iter().zip(&b[part.clone()]);
+        let largest = a[part].iter().fold(0.0f32, |largest, value| largest.max(value.abs()));
+        worst.max(pairs.fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs())) / largest)
+    })
+}
+
+#[test]
+fn loss_and_gradients_are_those_of_burns_own_operations() {
+    let flat = |gradient: Tensor<1>| gradient.into_data().try_into_vec::<f32>().expect("f32");
+    for (size, samples, classes) in [(8, 1, 1), (16, 11, 3), (24, 9, 16)] {
+        let batch = batch(size, samples, classes);
+        let plain = learner(&Compute::plain(DeviceName::Flex).expect("everywhere"), classes);
+        let (loss, gradient, tally) = plain.gradient(&batch);
+        let gradient = flat(gradient);
+        for simd in available() {
+            let own = learner(&Compute::new(DeviceName::Flex, Some(simd)).expect("available"), classes);
+            let (own_loss, own_gradient, own_tally) = own.gradient(&batch);
+            assert!((own_loss - loss).abs() < 2e-6 * loss, "{simd}: {own_loss} instead of {loss}");
+            assert_eq!(own_tally, tally, "{simd}");
+            let worst = difference(&Layers::new(classes), &gradient, &flat(own_gradient));
+            println!("{simd}, {samples} images of {size}²: gradients differ by {worst:e} of the largest");
+            assert!(worst < 2e-5, "{simd}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn gradients_are_differences_of_the_loss() {
+    let batch = batch(32, 4, 3);
+    for simd in available() {
+        let mut own = learner(&Compute::new(DeviceName::Flex, Some(simd)).expect("available"), 3);
+        // New biases are zero, which in blocked regions is right where ReLU has no derivative.
+        for _ in 0..4 {
+            own.learn(&batch);
+        }
+        let (_, gradient, _) = own.gradient(&batch);
+        let gradient = gradient.into_data().try_into_vec::<f32>().expect("f32");
+        let layers = Layers::new(3);
+        let mut stream = Stream::new(3, &[0; 32], 0, "ops/differences");
+        for layer in layers.all() {
+            for part in [layer.weights(), layer.bias()] {
+                // Half along the gradient, half anywhere: single weights, and random directions, hardly move the loss.
+                let gradient = &gradient[part.clone()];
+                let norm = gradient.iter().map(|g| g * g).sum::<f32>().sqrt();
+                let aside = (norm / (part.len() as f32).sqrt()).into();
+                let direction: Vec<f32> = gradient.iter().map(|g| g + stream.normal(0.0, aside) as f32).collect();
+                let along: f64 = direction.iter().zip(gradient).map(|(d, g)| f64::from(*d) * f64::from(*g)).sum();
+                let step = 1e-3 / f64::from(norm);
+                let mut loss = |sign: f64| own.loss_beside(&batch, part.start, &direction, sign * step);
+                let slope = (loss(1.0) - loss(-1.0)) / (2.0 * step);
+                assert!((slope - along).abs() < 0.02 * along.abs(), "{simd} {} {part:?}: {slope} {along}", layer.name);
+            }
+        }
+    }
+}
+
+#[test]
+fn predictions_are_those_of_burns_own_operations() {
+    for (rows, cols, classes) in [(8, 8, 3), (64, 64, 3), (24, 40, 2), (16, 136, 20)] {
+        let mut stream = Stream::new(4, &[0; 32], 0, "ops/predict");
+        let images: Vec<u8> = (0..3 * rows * cols).map(|_| u8::from(stream.unit() > 0.3)).collect();
+        let plain = Compute::plain(DeviceName::Flex).expect("everywhere");
+        let arrays = learner(&plain, classes).model();
+        let predict = |compute: &Compute| {
+            let mut out = vec![0.0; images.len() * (classes + 1)];
+            Network::new(classes, &arrays, compute).expect("complete").predict(&images, rows, cols, 3, &mut out);
+            out
+        };
+        let expected = predict(&plain);
+        for simd in available() {
+            let found = predict(&Compute::new(DeviceName::Flex, Some(simd)).expect("available"));
+            let worst = found.iter().zip(&expected).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
+            println!("{simd}, {rows} × {cols}: probabilities differ by {worst:e}");
+            assert!(worst < 1e-5, "{simd}: {worst}");
+        }
+    }
+}

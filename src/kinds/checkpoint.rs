@@ -1,0 +1,281 @@
+//! `Checkpoint`: `model.safetensors`, `optimizer.safetensors`, `config.json` and `metrics.parquet`.
+//!
+//! Arrays are f32 under PyTorch's names and shapes, so `safetensors.torch.load_file` gives a state dict. The configuration
+//! keeps whole numbers where others derive from them (cells of each class; their distribution and weights stand beside for
+//! readers), so that nothing is lost in JSON's digits. The metrics have a row for every epoch so far.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use arrow::array::{ArrayRef, Float64Array, UInt32Array, UInt64Array};
+use arrow::datatypes::{DataType, Float64Type, UInt32Type, UInt64Type};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::{Deserialize, Serialize};
+
+use super::parquet::{Column, Layout, Table, wrong_value};
+use super::{Kind, KindError, Written, named_file};
+use crate::domain::quantize::{ClassCounts, FEWEST_CLASSES, MOST_CLASSES, class_weights};
+use crate::domain::unet::{Array, Arrays, EpochMetrics, TrainState};
+use crate::store::{Artifact, Store};
+
+const KIND: &str = "Checkpoint";
+const METRICS: &str = "TrainingMetrics";
+const FORMAT: u32 = 1;
+
+/// A network in training after some epoch.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    pub config: CheckpointConfig,
+    /// The network, the optimizer, and the number of finished epochs.
+    pub state: TrainState,
+    /// How each epoch went, the first one first.
+    pub metrics: Vec<EpochMetrics>,
+}
+
+/// What a checkpoint remembers of its training.
+#[derive(Debug, Clone, PartialEq)]
+pub struct CheckpointConfig {
+    /// Edge of a training window in cells.
+    pub window: u32,
+    /// Samples of a batch.
+    pub batch: u32,
+    /// Learning rate of Adam.
+    pub learning_rate: f64,
+    /// Cells of each class over the training windows.
+    pub counts: ClassCounts,
+}
+
+impl CheckpointConfig {
+    /// Returns the number of classes C.
+    #[must_use]
+    pub fn classes(&self) -> u8 {
+        u8::try_from(self.counts.classes.len()).expect("at most 16 classes")
+    }
+
+    /// Computes the share of each class 1 to C among the labeled cells: what the quantized output is matched to.
+    #[must_use]
+    pub fn distribution(&self) -> Vec<f64> {
+        self.counts.distribution()
+    }
+
+    /// Computes the weights of the classes 0 to C in the loss.
+    #[must_use]
+    pub fn class_weights(&self) -> Vec<f64> {
+        class_weights(&self.counts)
+    }
+}
+
+/// `config.json`.
+#[derive(Debug, Serialize, Deserialize)]
+struct ConfigFile {
+    kind: String,
+    format: u32,
+    epoch: u32,
+    window: u32,
+    batch: u32,
+    learning_rate: f64,
+    classes: usize,
+    cells: CellCounts,
+    /// Derived from `cells`; for readers.
+    #[serde(default)]
+    distribution: Vec<f64>,
+    /// Derived from `cells`; for readers.
+    #[serde(default)]
+    class_weights: Vec<f64>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct CellCounts {
+    unlabeled: u64,
+    obstacle: u64,
+    classes: Vec<u64>,
+}
+
+impl Checkpoint {
+    /// Encodes the files of the bundle by name.
+    ///
+    /// # Errors
+    /// [`KindError`] if an array or a metric does not fit.
+    pub fn to_files(&self) -> Result<BTreeMap<&'static str, Vec<u8>>, KindError> {
+        Ok(BTreeMap::from([
+            ("config.json", self.config_bytes()),
+            ("metrics.parquet", self.metrics_bytes()?),
+            ("model.safetensors", arrays_to_bytes("model.safetensors", &self.state.model)?),
+            ("optimizer.safetensors", arrays_to_bytes("optimizer.safetensors", &self.state.optimizer)?),
+        ]))
+    }
+
+    /// Decodes the files of a bundle; `file` is asked for each by name.
+    ///
+    /// # Errors
+    /// [`KindError`] if a file is absent, damaged or of another kind or format.
+    pub fn from_files(mut file: impl FnMut(&'static str) -> Result<Vec<u8>, KindError>) -> Result<Self, KindError> {
+        let (config, epoch) = read_config(&file("config.json")?)?;
+        let state = TrainState {
+            epoch,
+            model: arrays_from_bytes("model.safetensors", &file("model.safetensors")?)?,
+            optimizer: arrays_from_bytes("optimizer.safetensors", &file("optimizer.safetensors")?)?,
+        };
+        let metrics = read_metrics(file("metrics.parquet")?, config.classes())?;
+        Ok(Self { config, state, metrics })
+    }
+
+    fn config_bytes(&self) -> Vec<u8> {
+        let CheckpointConfig { window, batch, learning_rate, counts } = self.config.clone();
+        let ClassCounts { unlabeled, obstacle, classes } = counts;
+        let file = ConfigFile {
+            kind: KIND.to_owned(),
+            format: FORMAT,
+            epoch: self.state.epoch,
+            window,
+            batch,
+            learning_rate,
+            classes: classes.len(),
+            cells: CellCounts { unlabeled, obstacle, classes },
+            distribution: self.config.distribution(),
+            class_weights: self.config.class_weights(),
+        };
+        let mut text = serde_json::to_string_pretty(&file).expect("numbers are JSON");
+        text.push('\n');
+        text.into_bytes()
+    }
+
+    fn metrics_bytes(&self) -> Result<Vec<u8>, KindError> {
+        let numbers = |value: &dyn Fn(&EpochMetrics) -> f64| -> ArrayRef {
+            Arc::new(Float64Array::from_iter_values(self.metrics.iter().map(value)))
+        };
+        let classes = self.config.classes();
+        if let Some(row) = self.metrics.iter().position(|m| m.recall.len() != usize::from(classes) + 1) {
+            let found = self.metrics[row].recall.len();
+            return Err(wrong_value(METRICS, "recall", row, found, "one recall for each class from 0 to C"));
+        }
+        let mut arrays: Vec<ArrayRef> = vec![
+            Arc::new(UInt32Array::from_iter_values(self.metrics.iter().map(|m| m.epoch))),
+            Arc::new(UInt64Array::from_iter_values(self.metrics.iter().map(|m| m.samples))),
+            numbers(&|m| m.loss),
+            numbers(&|m| m.accuracy),
+            numbers(&|m| m.mean_recall),
+        ];
+        arrays.extend((0..=usize::from(classes)).map(|class| numbers(&|m| m.recall[class])));
+        Layout::new(METRICS, FORMAT, metrics_columns(classes)).with("classes", classes).bytes(arrays)
+    }
+}
+
+impl Kind for Checkpoint {
+    const NAME: &'static str = KIND;
+    const FORMAT: u32 = FORMAT;
+    const EXTENSION: &'static str = "";
+
+    fn write(&self, store: &Store) -> Result<Written, KindError> {
+        let files = self.to_files()?;
+        let refs: Result<_, KindError> = files.iter().map(|(name, bytes)| Ok(store.put(name, bytes)?)).collect();
+        Ok(Written::Bundle(refs?))
+    }
+
+    fn read(store: &Store, artifact: &Artifact) -> Result<Self, KindError> {
+        Self::from_files(|name| Ok(store.read(&named_file(KIND, artifact, name)?.digest)?))
+    }
+}
+
+fn damaged(file: &'static str, source: impl Into<Box<dyn std::error::Error + Send + Sync>>) -> KindError {
+    KindError::Damaged { kind: KIND, file, source: source.into() }
+}
+
+fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindError> {
+    let value: serde_json::Value = serde_json::from_slice(bytes).map_err(|e| damaged("config.json", e))?;
+    // Kind and format first: another format may have other fields.
+    match value["kind"].as_str() {
+        None => return Err(KindError::NoKind { expected: KIND }),
+        Some(KIND) => {}
+        Some(found) => return Err(KindError::WrongKind { expected: KIND, found: found.to_owned() }),
+    }
+    match value["format"].as_u64().and_then(|format| u32::try_from(format).ok()) {
+        None => return Err(KindError::MissingMetadata { kind: KIND, key: "format".to_owned() }),
+        Some(FORMAT) => {}
+        Some(found) => return Err(KindError::Format { kind: KIND, found, known: FORMAT }),
+    }
+    let file: ConfigFile = serde_json::from_value(value).map_err(|e| damaged("config.json", e))?;
+    let wrong = |key: &str, value: String, expected| {
+        Err(KindError::Metadata { kind: KIND, key: key.to_owned(), value, expected })
+    };
+    let CellCounts { unlabeled, obstacle, classes } = file.cells;
+    if !(usize::from(FEWEST_CLASSES)..=usize::from(MOST_CLASSES)).contains(&classes.len()) {
+        return wrong("cells.classes", format!("{classes:?}"), "counts of 2 to 16 classes");
+    }
+    if file.classes != classes.len() {
+        return wrong("classes", file.classes.to_string(), "the number of counts in `cells.classes`");
+    }
+    if !(8..=512).contains(&file.window) || !file.window.is_multiple_of(8) {
+        return wrong("window", file.window.to_string(), "a multiple of 8 from 8 to 512");
+    }
+    if !(file.learning_rate.is_finite() && file.learning_rate > 0.0) {
+        return wrong("learning_rate", file.learning_rate.to_string(), "a positive number");
+    }
+    let counts = ClassCounts { unlabeled, obstacle, classes };
+    let ConfigFile { window, batch, learning_rate, epoch, .. } = file;
+    Ok((CheckpointConfig { window, batch, learning_rate, counts }, epoch))
+}
+
+fn metrics_columns(classes: u8) -> Vec<Column> {
+    let mut columns = vec![Column::new("epoch", DataType::UInt32), Column::new("samples", DataType::UInt64)];
+    let names = ["loss", "accuracy", "mean_recall"].map(str::to_owned).into_iter();
+    let names = names.chain((0..=classes).map(|class| format!("recall_{class}")));
+    columns.extend(names.map(|name| Column::new(name, DataType::Float64)));
+    columns
+}
+
+fn read_metrics(bytes: Vec<u8>, classes: u8) -> Result<Vec<EpochMetrics>, KindError> {
+    let table = Table::open(METRICS, FORMAT, bytes)?;
+    let mut metrics = Vec::new();
+    for batch in table.batches(&metrics_columns(classes))? {
+        let batch = batch?;
+        for i in 0..batch.rows {
+            let number = |column: usize| batch.numbers::<Float64Type>(column)[i];
+            metrics.push(EpochMetrics {
+                epoch: batch.numbers::<UInt32Type>(0)[i],
+                samples: batch.numbers::<UInt64Type>(1)[i],
+                loss: number(2),
+                accuracy: number(3),
+                mean_recall: number(4),
+                recall: (0..=usize::from(classes)).map(|class| number(5 + class)).collect(),
+            });
+            if !number(2).is_finite() {
+                return Err(wrong_value(METRICS, "loss", batch.first + i, number(2), "a finite number"));
+            }
+        }
+    }
+    Ok(metrics)
+}
+
+fn arrays_to_bytes(file: &'static str, arrays: &Arrays) -> Result<Vec<u8>, KindError> {
+    let bytes: Vec<(&str, &[usize], Vec<u8>)> = arrays
+        .iter()
+        .map(|(name, array)| {
+            let bytes = array.values.iter().flat_map(|value| value.to_le_bytes()).collect();
+            (name.as_str(), array.shape.as_slice(), bytes)
+        })
+        .collect();
+    let mut views = Vec::with_capacity(bytes.len());
+    for (name, shape, bytes) in &bytes {
+        let view = TensorView::new(Dtype::F32, shape.to_vec(), bytes);
+        views.push((*name, view.map_err(|e| KindError::Shape { kind: KIND, what: format!("`{name}`: {e}") })?));
+    }
+    safetensors::serialize(views, None).map_err(|e| damaged(file, e))
+}
+
+fn arrays_from_bytes(file: &'static str, bytes: &[u8]) -> Result<Arrays, KindError> {
+    let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(file, e))?;
+    let array = |(name, view): (&str, TensorView<'_>)| {
+        let wrong = |value: String, expected: &str| wrong_value(KIND, &format!("{file}/{name}"), 0, value, expected);
+        if view.dtype() != Dtype::F32 {
+            return Err(wrong(format!("{:?}", view.dtype()), "numbers of type F32"));
+        }
+        let (chunks, _) = view.data().as_chunks::<4>();
+        let values: Vec<f32> = chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        match values.iter().find(|value| !value.is_finite()) {
+            Some(value) => Err(wrong(value.to_string(), "finite numbers")),
+            None => Ok((name.to_owned(), Array { shape: view.shape().to_vec(), values })),
+        }
+    };
+    tensors.iter().map(array).collect()
+}

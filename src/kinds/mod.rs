@@ -1,0 +1,123 @@
+//! Encodes. One file per artifact kind: a domain value to bytes and back.
+//!
+//! Tables and rasters are Parquet, weights are safetensors. Bytes are a function of the value alone: writer settings are
+//! fixed ([`parquet`]), metadata are sorted, nothing of the time, the host or the store goes in. Reading checks kind,
+//! format, columns, types and values, so that the domain only ever sees what it would have made itself.
+
+mod checkpoint;
+mod error;
+mod heat;
+mod labels;
+mod nav_episodes;
+mod occupancy;
+pub mod parquet;
+mod raster;
+mod scores;
+mod social;
+mod table;
+mod tiles;
+mod trajectories;
+mod visits;
+
+use crate::domain::geometry::Frame;
+use crate::store::{Artifact, FileRef, Store};
+
+pub use checkpoint::{Checkpoint, CheckpointConfig};
+pub use error::KindError;
+pub use heat::Heat;
+pub use nav_episodes::{NavEpisodes, NavSample};
+pub use table::{TableError, TableFile, data_frame, sql};
+pub use trajectories::{TrackReader, TrackWriter, chunk_files};
+
+/// A value the store can hold.
+pub trait Kind: Sized {
+    /// Name, such as `VisitCounts`; the metadata of its files have it.
+    const NAME: &'static str;
+    /// Number of the format; it rises when equal values get other bytes.
+    const FORMAT: u32;
+    /// Ending of a single file; the files of a bundle carry their own in their names.
+    const EXTENSION: &'static str;
+
+    /// Puts the value into the store.
+    ///
+    /// # Errors
+    /// [`KindError`] if the value is none that the kind may hold, or the store fails.
+    fn write(&self, store: &Store) -> Result<Written, KindError>;
+
+    /// Reads a value back and checks it.
+    ///
+    /// # Errors
+    /// [`KindError`] if the bytes are not of this kind and format, or hold what no stage would have written.
+    fn read(store: &Store, artifact: &Artifact) -> Result<Self, KindError>;
+}
+
+/// What [`Kind::write`] has put into the store.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Written {
+    /// A single file without a name.
+    File(FileRef),
+    /// Files by name.
+    Bundle(Vec<FileRef>),
+}
+
+/// A kind whose values are one file each.
+pub trait SingleFile: Sized {
+    /// See [`Kind::NAME`].
+    const NAME: &'static str;
+    /// See [`Kind::FORMAT`].
+    const FORMAT: u32;
+    /// See [`Kind::EXTENSION`].
+    const EXTENSION: &'static str = "parquet";
+
+    /// Encodes the value.
+    ///
+    /// # Errors
+    /// [`KindError`] if the value is none that the kind may hold.
+    fn to_bytes(&self) -> Result<Vec<u8>, KindError>;
+
+    /// Decodes and checks a value.
+    ///
+    /// # Errors
+    /// [`KindError`] if the bytes are not of this kind and format, or hold what no stage would have written.
+    fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError>;
+}
+
+impl<T: SingleFile> Kind for T {
+    const NAME: &'static str = <T as SingleFile>::NAME;
+    const FORMAT: u32 = <T as SingleFile>::FORMAT;
+    const EXTENSION: &'static str = <T as SingleFile>::EXTENSION;
+
+    fn write(&self, store: &Store) -> Result<Written, KindError> {
+        Ok(Written::File(store.put("", &self.to_bytes()?)?))
+    }
+
+    fn read(store: &Store, artifact: &Artifact) -> Result<Self, KindError> {
+        Self::from_bytes(store.read(&only_file(<T as SingleFile>::NAME, artifact)?.digest)?)
+    }
+}
+
+/// A value that lies on a map, with the frame of that map.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Placed<T> {
+    pub frame: Frame,
+    pub value: T,
+}
+
+impl<T> Placed<T> {
+    /// Joins a value with the frame it lies in.
+    #[must_use]
+    pub const fn new(frame: Frame, value: T) -> Self {
+        Self { frame, value }
+    }
+}
+
+fn only_file<'a>(kind: &'static str, artifact: &'a Artifact) -> Result<&'a FileRef, KindError> {
+    match artifact.files.as_slice() {
+        [file] => Ok(file),
+        files => Err(KindError::Shape { kind, what: format!("it is one file, here are {}", files.len()) }),
+    }
+}
+
+fn named_file<'a>(kind: &'static str, artifact: &'a Artifact, name: &str) -> Result<&'a FileRef, KindError> {
+    artifact.file(name).ok_or_else(|| KindError::MissingFile { kind, file: name.to_owned() })
+}

@@ -1,0 +1,499 @@
+//! Parquet files whose bytes are a function of their content, and careful reading of them.
+//!
+//! Settings that never change without a new format number: data pages of version 1, zstd level 3, row groups of a fixed
+//! number of rows, an encoding per column, statistics per row group, no page index, `created_by` without a version.
+//! Metadata are sorted by key and always hold `kind`, `format` and `units` (a JSON object of column to unit).
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::sync::Arc;
+
+use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
+use arrow::datatypes::{ArrowPrimitiveType, DataType, Field, Schema, SchemaRef};
+use bytes::Bytes;
+use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ParquetRecordBatchReaderBuilder};
+use parquet::arrow::arrow_writer::{ArrowWriter, ArrowWriterOptions};
+use parquet::arrow::ProjectionMask;
+use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::file::metadata::KeyValue;
+use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
+use parquet::schema::types::ColumnPath;
+
+use super::KindError;
+use crate::domain::geometry::{Frame, Point};
+
+/// Rows of a row group, unless rows are large.
+pub const GROUP_ROWS: usize = 1 << 17;
+/// Rows that are decoded at once.
+const BATCH_ROWS: usize = 1 << 16;
+const ZSTD_LEVEL: i32 = 3;
+
+/// How the values of a column are encoded before they are compressed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Coding {
+    /// Few distinct values, or runs of equal ones.
+    Dictionary,
+    /// Integers that grow by similar steps.
+    Delta,
+    /// Floating-point numbers without repetition: their bytes are regrouped by significance.
+    Split,
+}
+
+/// A column of a file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Column {
+    pub name: String,
+    pub data: DataType,
+    /// Unit of the values, such as `m`; empty if they have none.
+    pub unit: &'static str,
+    pub coding: Coding,
+    /// Whether values may be absent.
+    pub nullable: bool,
+}
+
+impl Column {
+    /// Describes a column without unit that is encoded by dictionary and has no gaps.
+    pub fn new(name: impl Into<String>, data: DataType) -> Self {
+        Self { name: name.into(), data, unit: "", coding: Coding::Dictionary, nullable: false }
+    }
+
+    /// Sets the unit.
+    #[must_use]
+    pub const fn unit(mut self, unit: &'static str) -> Self {
+        self.unit = unit;
+        self
+    }
+
+    /// Sets the encoding.
+    #[must_use]
+    pub const fn coding(mut self, coding: Coding) -> Self {
+        self.coding = coding;
+        self
+    }
+
+    /// Lets values be absent.
+    #[must_use]
+    pub const fn nullable(mut self) -> Self {
+        self.nullable = true;
+        self
+    }
+}
+
+/// What a file of a kind looks like: columns and metadata.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Layout {
+    pub kind: &'static str,
+    pub format: u32,
+    pub columns: Vec<Column>,
+    pub metadata: BTreeMap<String, String>,
+    /// Rows of a row group.
+    pub group_rows: usize,
+}
+
+impl Layout {
+    /// Describes a file without metadata of its own.
+    #[must_use]
+    pub fn new(kind: &'static str, format: u32, columns: Vec<Column>) -> Self {
+        Self { kind, format, columns, metadata: BTreeMap::new(), group_rows: GROUP_ROWS }
+    }
+
+    /// Adds an entry to the metadata.
+    #[must_use]
+    pub fn with(mut self, key: &str, value: impl ToString) -> Self {
+        self.metadata.insert(key.to_owned(), value.to_string());
+        self
+    }
+
+    /// Adds the entries that place a grid in the world.
+    #[must_use]
+    pub fn with_frame(self, frame: &Frame) -> Self {
+        self.with("resolution", frame.resolution)
+            .with("origin_x", frame.origin.x)
+            .with("origin_y", frame.origin.y)
+            .with("yaw", frame.yaw)
+            .with("rows", frame.rows)
+            .with("cols", frame.cols)
+    }
+
+    fn schema(&self) -> SchemaRef {
+        let field = |column: &Column| Field::new(&column.name, column.data.clone(), column.nullable);
+        Arc::new(Schema::new(self.columns.iter().map(field).collect::<Vec<_>>()))
+    }
+
+    fn key_values(&self) -> Vec<KeyValue> {
+        let units: BTreeMap<&str, &str> =
+            self.columns.iter().filter(|c| !c.unit.is_empty()).map(|c| (c.name.as_str(), c.unit)).collect();
+        let mut all = self.metadata.clone();
+        all.insert("kind".to_owned(), self.kind.to_owned());
+        all.insert("format".to_owned(), self.format.to_string());
+        all.insert("units".to_owned(), serde_json::to_string(&units).expect("a map of strings is JSON"));
+        all.into_iter().map(|(key, value)| KeyValue::new(key, value)).collect()
+    }
+
+    fn properties(&self) -> WriterProperties {
+        let level = ZstdLevel::try_new(ZSTD_LEVEL).expect("a level of zstd");
+        let mut builder = WriterProperties::builder()
+            .set_writer_version(WriterVersion::PARQUET_1_0)
+            .set_created_by("trodden".to_owned())
+            .set_compression(Compression::ZSTD(level))
+            .set_max_row_group_row_count(Some(self.group_rows))
+            .set_statistics_enabled(EnabledStatistics::Chunk)
+            .set_offset_index_disabled(true)
+            .set_key_value_metadata(Some(self.key_values()));
+        for column in &self.columns {
+            let path = leaf(column);
+            builder = match column.coding {
+                Coding::Dictionary => builder.set_column_dictionary_enabled(path, true),
+                Coding::Delta => builder
+                    .set_column_dictionary_enabled(path.clone(), false)
+                    .set_column_encoding(path, Encoding::DELTA_BINARY_PACKED),
+                Coding::Split => builder
+                    .set_column_dictionary_enabled(path.clone(), false)
+                    .set_column_encoding(path, Encoding::BYTE_STREAM_SPLIT),
+            };
+        }
+        builder.build()
+    }
+
+    /// Starts a file that grows by whole row groups.
+    ///
+    /// # Errors
+    /// [`KindError::Encode`] if the sink fails.
+    pub fn writer<W: Write + Send>(&self, sink: W) -> Result<TableWriter<W>, KindError> {
+        let schema = self.schema();
+        // Only lists of a fixed length need the schema in Arrow's words; everything else has a Parquet type of its own.
+        let plain = !schema.fields().iter().any(|f| matches!(f.data_type(), DataType::FixedSizeList(..)));
+        let options = ArrowWriterOptions::new().with_properties(self.properties()).with_skip_arrow_metadata(plain);
+        let inner = ArrowWriter::try_new_with_options(sink, schema.clone(), options).map_err(self.encode())?;
+        Ok(TableWriter { kind: self.kind, schema, inner })
+    }
+
+    /// Encodes whole columns, one array for each column of the layout.
+    ///
+    /// # Errors
+    /// [`KindError::Shape`] if the arrays are not of one length or not of the columns' types.
+    pub fn bytes(&self, arrays: Vec<ArrayRef>) -> Result<Vec<u8>, KindError> {
+        let mut writer = self.writer(Vec::new())?;
+        writer.write(arrays)?;
+        writer.finish()
+    }
+
+    fn encode(&self) -> impl Fn(parquet::errors::ParquetError) -> KindError + use<> {
+        let kind = self.kind;
+        move |source| KindError::Encode { kind, source }
+    }
+}
+
+/// Returns the way to the values of a column: through the list, if it is one.
+fn leaf(column: &Column) -> ColumnPath {
+    let name = column.name.clone();
+    match &column.data {
+        DataType::FixedSizeList(item, _) | DataType::List(item) => {
+            ColumnPath::new(vec![name, "list".to_owned(), item.name().clone()])
+        }
+        _ => ColumnPath::from(name),
+    }
+}
+
+/// A file in the making.
+pub struct TableWriter<W: Write + Send> {
+    kind: &'static str,
+    schema: SchemaRef,
+    inner: ArrowWriter<W>,
+}
+
+impl<W: Write + Send> TableWriter<W> {
+    /// Appends rows. Pages end where a call ends, so equal files need equal calls: callers write whole row groups.
+    ///
+    /// # Errors
+    /// [`KindError`] if the arrays do not fit the columns or the sink fails.
+    pub fn write(&mut self, arrays: Vec<ArrayRef>) -> Result<(), KindError> {
+        let batch = RecordBatch::try_new(self.schema.clone(), arrays)
+            .map_err(|e| KindError::Shape { kind: self.kind, what: e.to_string() })?;
+        self.inner.write(&batch).map_err(|source| KindError::Encode { kind: self.kind, source })
+    }
+
+    /// Adds to the metadata of the file what is only known at its end.
+    pub fn note(&mut self, key: &str, value: &str) {
+        self.inner.append_key_value_metadata(KeyValue::new(key.to_owned(), value.to_owned()));
+    }
+
+    /// Writes what is left and returns the sink.
+    ///
+    /// # Errors
+    /// [`KindError::Encode`] if the sink fails.
+    pub fn finish(self) -> Result<W, KindError> {
+        let kind = self.kind;
+        self.inner.into_inner().map_err(|source| KindError::Encode { kind, source })
+    }
+}
+
+/// A file that has been opened: kind and format fit, nothing else is known yet.
+pub struct Table {
+    kind: &'static str,
+    bytes: Bytes,
+    opened: ArrowReaderMetadata,
+    metadata: BTreeMap<String, String>,
+}
+
+impl Table {
+    /// Opens a file and checks kind and format.
+    ///
+    /// # Errors
+    /// [`KindError`] if it is no Parquet file or one of another kind or format.
+    pub fn open(kind: &'static str, format: u32, bytes: impl Into<Bytes>) -> Result<Self, KindError> {
+        let (bytes, opened) = open(bytes.into()).map_err(|source| KindError::Decode { kind, source })?;
+        let metadata = key_values(&opened);
+        let table = Self { kind, bytes, opened, metadata };
+        match table.metadata.get("kind") {
+            None => return Err(KindError::NoKind { expected: kind }),
+            Some(found) if found != kind => {
+                return Err(KindError::WrongKind { expected: kind, found: found.clone() });
+            }
+            Some(_) => {}
+        }
+        let found: u32 = table.parsed("format", "a format number")?;
+        if found == format { Ok(table) } else { Err(KindError::Format { kind, found, known: format }) }
+    }
+
+    /// Returns the number of rows that the file claims to have.
+    #[must_use]
+    pub fn rows(&self) -> usize {
+        usize::try_from(self.opened.metadata().file_metadata().num_rows()).unwrap_or(0)
+    }
+
+    /// Returns an entry of the metadata.
+    ///
+    /// # Errors
+    /// [`KindError::MissingMetadata`].
+    pub fn text(&self, key: &str) -> Result<&str, KindError> {
+        let missing = || KindError::MissingMetadata { kind: self.kind, key: key.to_owned() };
+        self.metadata.get(key).map(String::as_str).ok_or_else(missing)
+    }
+
+    /// Returns an entry of the metadata as a number, or whatever it parses to.
+    ///
+    /// # Errors
+    /// [`KindError`] if it is absent or does not parse.
+    pub fn parsed<T: std::str::FromStr>(&self, key: &str, expected: &'static str) -> Result<T, KindError> {
+        self.text(key)?.parse().map_err(|_| self.wrong_metadata(key, expected))
+    }
+
+    /// Returns an entry of the metadata as a finite number.
+    ///
+    /// # Errors
+    /// [`KindError`] if it is absent or no finite number.
+    pub fn finite(&self, key: &str) -> Result<f64, KindError> {
+        let value: f64 = self.parsed(key, "a finite number")?;
+        if value.is_finite() { Ok(value) } else { Err(self.wrong_metadata(key, "a finite number")) }
+    }
+
+    /// Tells that an entry of the metadata is not what it should be.
+    #[must_use]
+    pub fn wrong_metadata(&self, key: &str, expected: &'static str) -> KindError {
+        let value = self.metadata.get(key).cloned().unwrap_or_default();
+        KindError::Metadata { kind: self.kind, key: key.to_owned(), value, expected }
+    }
+
+    /// Returns the frame that the metadata describe.
+    ///
+    /// # Errors
+    /// [`KindError`] if an entry is absent or out of range.
+    pub fn frame(&self) -> Result<Frame, KindError> {
+        let resolution = self.finite("resolution")?;
+        if resolution <= 0.0 {
+            return Err(self.wrong_metadata("resolution", "a positive number of meters"));
+        }
+        Ok(Frame {
+            resolution,
+            origin: Point::new(self.finite("origin_x")?, self.finite("origin_y")?),
+            yaw: self.finite("yaw")?,
+            rows: self.parsed("rows", "a number of rows")?,
+            cols: self.parsed("cols", "a number of columns")?,
+        })
+    }
+
+    /// Checks that the columns are there with their types; others may be there besides.
+    ///
+    /// # Errors
+    /// [`KindError::MissingColumn`] and [`KindError::ColumnType`].
+    pub fn expect(&self, columns: &[Column]) -> Result<(), KindError> {
+        for column in columns {
+            let Ok(field) = self.opened.schema().field_with_name(&column.name) else {
+                return Err(KindError::MissingColumn { kind: self.kind, column: column.name.clone() });
+            };
+            if !alike(&column.data, field.data_type()) {
+                return Err(KindError::ColumnType {
+                    kind: self.kind,
+                    column: column.name.clone(),
+                    found: field.data_type().to_string(),
+                    expected: column.data.to_string(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the named columns in batches of bounded size; each batch holds them in the given order.
+    ///
+    /// # Errors
+    /// [`KindError`] if a column is absent or of another type, or the file is damaged.
+    pub fn batches(&self, columns: &[Column]) -> Result<Batches, KindError> {
+        self.expect(columns)?;
+        let names = columns.iter().map(|column| column.name.as_str());
+        let mask = ProjectionMask::columns(self.opened.parquet_schema(), names.clone());
+        let reader = ParquetRecordBatchReaderBuilder::new_with_metadata(self.bytes.clone(), self.opened.clone())
+            .with_projection(mask)
+            .with_batch_size(BATCH_ROWS)
+            .build()
+            .map_err(|e| KindError::Decode { kind: self.kind, source: e.into() })?;
+        let columns = columns.to_vec();
+        Ok(Batches { kind: self.kind, columns, reader, row: 0 })
+    }
+
+    /// Reads one column of numbers.
+    ///
+    /// # Errors
+    /// [`KindError`] if it is absent, of another type, damaged or has gaps.
+    pub fn numbers<T: ArrowPrimitiveType>(&self, name: &str) -> Result<Vec<T::Native>, KindError> {
+        let mut values = Vec::new();
+        for batch in self.batches(&[Column::new(name, T::DATA_TYPE)])? {
+            values.extend_from_slice(batch?.numbers::<T>(0));
+        }
+        Ok(values)
+    }
+
+    /// Reads one column of numbers that may have gaps.
+    ///
+    /// # Errors
+    /// [`KindError`] if it is absent, of another type or damaged.
+    pub fn optional<T: ArrowPrimitiveType>(&self, name: &str) -> Result<Vec<Option<T::Native>>, KindError> {
+        let mut values = Vec::new();
+        for batch in self.batches(&[Column::new(name, T::DATA_TYPE).nullable()])? {
+            values.extend(batch?.arrays[0].as_primitive::<T>().iter());
+        }
+        Ok(values)
+    }
+
+    /// Reads one column of truth values.
+    ///
+    /// # Errors
+    /// [`KindError`] if it is absent, of another type, damaged or has gaps.
+    pub fn flags(&self, name: &str) -> Result<Vec<bool>, KindError> {
+        let mut values = Vec::new();
+        for batch in self.batches(&[Column::new(name, DataType::Boolean)])? {
+            values.extend(batch?.arrays[0].as_boolean().values().iter());
+        }
+        Ok(values)
+    }
+
+    /// Tells that a value is not what the kind may hold.
+    #[must_use]
+    pub fn wrong_value(&self, column: &str, row: usize, value: impl ToString, expected: &str) -> KindError {
+        wrong_value(self.kind, column, row, value, expected)
+    }
+}
+
+/// Tells that a value is not what a kind may hold.
+pub fn wrong_value(kind: &'static str, column: &str, row: usize, value: impl ToString, expected: &str) -> KindError {
+    let (column, value, expected) = (column.to_owned(), value.to_string(), expected.to_owned());
+    KindError::Value { kind, column, row, value, expected }
+}
+
+/// The batches of a file, one after the other.
+pub struct Batches {
+    kind: &'static str,
+    columns: Vec<Column>,
+    reader: parquet::arrow::arrow_reader::ParquetRecordBatchReader,
+    row: usize,
+}
+
+/// Some rows of the columns that were asked for.
+pub struct Batch {
+    /// One array for each column that was asked for, of its type, without gaps where it may have none.
+    pub arrays: Vec<ArrayRef>,
+    /// Number of the first row within the file.
+    pub first: usize,
+    /// Number of rows.
+    pub rows: usize,
+}
+
+impl Batch {
+    /// Returns the values of a column by its position.
+    ///
+    /// # Panics
+    /// If `T` is not the type that was asked for.
+    #[must_use]
+    pub fn numbers<T: ArrowPrimitiveType>(&self, column: usize) -> &[T::Native] {
+        self.arrays[column].as_primitive::<T>().values()
+    }
+}
+
+impl Iterator for Batches {
+    type Item = Result<Batch, KindError>;
+
+    fn next(&mut self) -> Option<Self::Item> {
+        let kind = self.kind;
+        let batch = match self.reader.next()? {
+            Ok(batch) => batch,
+            Err(source) => return Some(Err(KindError::Decode { kind, source: source.into() })),
+        };
+        let mut arrays = Vec::with_capacity(self.columns.len());
+        for column in &self.columns {
+            let array = batch.column_by_name(&column.name).expect("the projection keeps the columns asked for").clone();
+            if array.null_count() > 0 && !column.nullable {
+                let row = self.row + (0..array.len()).find(|i| array.is_null(*i)).unwrap_or(0);
+                return Some(Err(wrong_value(kind, &column.name, row, "null", "a value")));
+            }
+            arrays.push(array);
+        }
+        let first = self.row;
+        self.row += batch.num_rows();
+        Some(Ok(Batch { arrays, first, rows: batch.num_rows() }))
+    }
+}
+
+/// Tells whether a file's type serves for a column's: lists may have lost their fixed length.
+fn alike(expected: &DataType, found: &DataType) -> bool {
+    match (expected, found) {
+        (DataType::FixedSizeList(item, _), DataType::List(other)) => item.data_type() == other.data_type(),
+        (DataType::FixedSizeList(item, n), DataType::FixedSizeList(other, m)) => {
+            n == m && item.data_type() == other.data_type()
+        }
+        _ => expected == found,
+    }
+}
+
+type AnyError = Box<dyn std::error::Error + Send + Sync>;
+
+fn open(bytes: Bytes) -> Result<(Bytes, ArrowReaderMetadata), AnyError> {
+    let opened = ArrowReaderMetadata::load(&bytes, parquet::arrow::arrow_reader::ArrowReaderOptions::new())?;
+    Ok((bytes, opened))
+}
+
+fn key_values(opened: &ArrowReaderMetadata) -> BTreeMap<String, String> {
+    let entries = opened.metadata().file_metadata().key_value_metadata();
+    let pair = |entry: &KeyValue| Some((entry.key.clone(), entry.value.clone()?));
+    entries.into_iter().flatten().filter_map(pair).collect()
+}
+
+/// A Parquet file of whatever kind, as people look at it.
+pub struct AnyTable {
+    pub schema: SchemaRef,
+    /// Metadata by key; of our own files `kind`, `format`, `units` and what the kind adds.
+    pub metadata: BTreeMap<String, String>,
+    pub batches: Vec<RecordBatch>,
+}
+
+/// Reads a whole Parquet file of whatever kind.
+///
+/// # Errors
+/// If it is no Parquet file or damaged.
+pub fn read_any(bytes: impl Into<Bytes>) -> Result<AnyTable, AnyError> {
+    let (bytes, opened) = open(bytes.into())?;
+    let mut metadata = key_values(&opened);
+    metadata.remove("ARROW:schema");
+    let schema = opened.schema().clone();
+    let reader = ParquetRecordBatchReaderBuilder::new_with_metadata(bytes, opened).with_batch_size(BATCH_ROWS).build()?;
+    Ok(AnyTable { schema, metadata, batches: reader.collect::<Result<_, _>>()? })
+}

@@ -1,0 +1,128 @@
+//! `ClassScores`: one row per cell of the confusion matrix, by true class 1 to C and predicted class 0 to C.
+//!
+//! `truth`, `predicted` i8; `cells` u64; `share` f64 (of the true class's cells) and `scaled` f64 (by class weights, all
+//! rows sum to 1). Then what belongs to the true class, the same in all its rows: `weight`, `iou`, `recall` f64. Then what
+//! belongs to the map, the same in all rows, so that one `SELECT DISTINCT auc FROM …` over files compares maps:
+//! `mean_recall`, `quadratic_kappa`, `adjacent_errors`, `spearman_visits`, `spearman_classes`, `auc`,
+//! `auc_wall_distance`, `auc_farther_from_walls` f64. A figure that is not defined is null.
+
+use std::sync::Arc;
+
+use arrow::array::{ArrayRef, Float64Array, Int8Array, UInt64Array};
+use arrow::datatypes::{DataType, Float64Type, Int8Type, UInt64Type};
+
+use super::labels::class_count;
+use super::parquet::{Column, Layout, Table, wrong_value};
+use super::{KindError, SingleFile};
+use crate::domain::geometry::{Cell, Grid};
+use crate::domain::score::{ClassScores, Confusion};
+
+const KIND: &str = "ClassScores";
+/// More labeled cells than any map has.
+const MOST_CELLS: u64 = 1 << 40;
+
+fn columns() -> Vec<Column> {
+    let mut columns = vec![
+        Column::new("truth", DataType::Int8),
+        Column::new("predicted", DataType::Int8),
+        Column::new("cells", DataType::UInt64),
+        Column::new("share", DataType::Float64),
+        Column::new("scaled", DataType::Float64),
+        Column::new("weight", DataType::Float64),
+    ];
+    let figures = [
+        "iou",
+        "recall",
+        "mean_recall",
+        "quadratic_kappa",
+        "adjacent_errors",
+        "spearman_visits",
+        "spearman_classes",
+        "auc",
+        "auc_wall_distance",
+        "auc_farther_from_walls",
+    ];
+    columns.extend(figures.iter().map(|name| Column::new(*name, DataType::Float64).nullable()));
+    columns
+}
+
+impl SingleFile for ClassScores {
+    const NAME: &'static str = KIND;
+    const FORMAT: u32 = 1;
+
+    fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
+        let confusion = &self.confusion;
+        let cells: Vec<Cell> = confusion.counts().cells().collect();
+        let by_cell = |grid: Grid<f64>| -> ArrayRef { Arc::new(Float64Array::from(grid.into_vec())) };
+        let by_class = |figures: Vec<Option<f64>>| -> ArrayRef {
+            Arc::new(cells.iter().map(|cell| figures[cell.row]).collect::<Float64Array>())
+        };
+        let of_map = |figure: Option<f64>| -> ArrayRef { Arc::new(vec![figure; cells.len()].into_iter().collect::<Float64Array>()) };
+        let class = |number: usize| i8::try_from(number).expect("at most 16 classes");
+        let weights = self.weights.iter().skip(1).map(|weight| Some(*weight)).collect();
+        let arrays: Vec<ArrayRef> = vec![
+            Arc::new(Int8Array::from_iter_values(cells.iter().map(|cell| class(cell.row + 1)))),
+            Arc::new(Int8Array::from_iter_values(cells.iter().map(|cell| class(cell.col)))),
+            Arc::new(UInt64Array::from(confusion.counts().as_slice().to_vec())),
+            by_cell(confusion.row_normalized()),
+            by_cell(self.scaled()),
+            by_class(weights),
+            by_class(confusion.iou()),
+            by_class(confusion.recall()),
+            of_map(confusion.mean_recall()),
+            of_map(confusion.quadratic_kappa()),
+            of_map(confusion.adjacent_errors()),
+            of_map(self.spearman_visits),
+            of_map(self.spearman_classes),
+            of_map(self.auc),
+            of_map(self.auc_wall_distance()),
+            of_map(self.auc_farther_from_walls),
+        ];
+        let obstacle = self.weights.first().copied().unwrap_or_default();
+        Layout::new(KIND, <Self as SingleFile>::FORMAT, columns())
+            .with("classes", confusion.classes())
+            .with("obstacle_weight", obstacle)
+            .bytes(arrays)
+    }
+
+    fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
+        let table = Table::open(KIND, <Self as SingleFile>::FORMAT, bytes)?;
+        table.expect(&columns())?;
+        let count = class_count(&table)?;
+        let (truth, predicted) = (table.numbers::<Int8Type>("truth")?, table.numbers::<Int8Type>("predicted")?);
+        let wide = usize::from(count) + 1;
+        let expected = usize::from(count) * wide;
+        if truth.len() != expected {
+            return Err(KindError::Rows { kind: KIND, found: truth.len(), expected });
+        }
+        let fits = |i: usize| truth[i] as usize == i / wide + 1 && predicted[i] as usize == i % wide;
+        if let Some(i) = (0..expected).find(|i| !fits(*i)) {
+            let value = format!("{}, {}", truth[i], predicted[i]);
+            return Err(wrong_value(KIND, "truth, predicted", i, value, "the classes in order"));
+        }
+        let cells = table.numbers::<UInt64Type>("cells")?;
+        if let Some(i) = cells.iter().position(|cells| *cells > MOST_CELLS) {
+            return Err(wrong_value(KIND, "cells", i, cells[i], "a number of cells"));
+        }
+        let weights = table.numbers::<Float64Type>("weight")?;
+        let of_map = |name: &str| -> Result<Option<f64>, KindError> {
+            let figure = table.optional::<Float64Type>(name)?[0];
+            match figure {
+                Some(value) if !(-1.0..=1.0).contains(&value) => {
+                    Err(wrong_value(KIND, name, 0, value, "a figure from −1 to 1"))
+                }
+                _ => Ok(figure),
+            }
+        };
+        Ok(Self {
+            confusion: Confusion::from_counts(Grid::from_vec(count.into(), wide, cells)),
+            weights: std::iter::once(table.finite("obstacle_weight")?)
+                .chain(weights.into_iter().step_by(wide))
+                .collect(),
+            spearman_visits: of_map("spearman_visits")?,
+            spearman_classes: of_map("spearman_classes")?,
+            auc: of_map("auc")?,
+            auc_farther_from_walls: of_map("auc_farther_from_walls")?,
+        })
+    }
+}

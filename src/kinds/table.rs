@@ -1,0 +1,376 @@
+//! Parquet as polars data frames, for people's questions: `trodden sql` and the tables of `show`.
+
+use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
+use arrow::datatypes::{
+    ArrowPrimitiveType, DataType as ArrowType, Float32Type, Float64Type, Int8Type, Int32Type, Int64Type, UInt8Type,
+    UInt32Type, UInt64Type,
+};
+use polars::prelude::{Column, DataFrame, DataType, IntoLazy, NamedFrom, PlSmallStr, PolarsError, Scalar, Series};
+use polars::sql::SQLContext;
+
+use super::parquet::read_any;
+
+/// Why a table could not be read, or a query not be answered.
+#[derive(Debug, thiserror::Error)]
+pub enum TableError {
+    #[error("the file is no Parquet file, or a damaged one")]
+    Parquet(#[source] Box<dyn std::error::Error + Send + Sync>),
+    #[error("the column `{column}` is of type {data}, which tables cannot show")]
+    Type { column: String, data: ArrowType },
+    #[error("there is no table `{0}`")]
+    NoTable(String),
+    #[error("the files of `{table}` do not have the same columns")]
+    Columns { table: String, #[source] source: PolarsError },
+    #[error("{}", query_message(.0))]
+    Query(#[source] PolarsError),
+}
+
+impl TableError {
+    /// Returns advice for a help line, if there is any.
+    #[must_use]
+    pub fn help(&self) -> Option<String> {
+        match self {
+            Self::Parquet(_) => Some("`trodden verify` names damaged objects; the next run makes them again".to_owned()),
+            Self::Type { column, .. } => Some(format!("the types of our own files work; leave `{column}` out")),
+            Self::NoTable(_) => Some("tables are nodes (`trodden ls`) or Parquet files, in quotes".to_owned()),
+            Self::Columns { .. } => Some("a glob should match files of one kind".to_owned()),
+            Self::Query(PolarsError::SQLInterface(message)) if message.contains("was not found") => {
+                Some("put the name of a table in quotes: FROM 'labels/home_00'".to_owned())
+            }
+            Self::Query(_) => None,
+        }
+    }
+}
+
+/// Returns what polars has to say in one line.
+fn query_message(error: &PolarsError) -> String {
+    let message = error.to_string();
+    let message = message.lines().next().unwrap_or_default();
+    let message = message.strip_prefix("SQL error: ").or_else(|| message.strip_prefix("sql parser error: ")).unwrap_or(message);
+    format!("the query does not work: {message}")
+}
+
+/// The bytes of one of a table's files, and what to call it in the column `file`, if it is to have one.
+#[derive(Debug, Clone)]
+pub struct TableFile {
+    pub name: Option<String>,
+    pub bytes: Vec<u8>,
+}
+
+impl From<Vec<u8>> for TableFile {
+    fn from(bytes: Vec<u8>) -> Self {
+        Self { name: None, bytes }
+    }
+}
+
+impl From<(String, Vec<u8>)> for TableFile {
+    fn from((name, bytes): (String, Vec<u8>)) -> Self {
+        Self { name: Some(name), bytes }
+    }
+}
+
+/// Reads a Parquet file into a data frame.
+///
+/// # Errors
+/// [`TableError`] if it is no Parquet file or has a column that is none of ours: numbers, truth values, text and lists.
+pub fn data_frame(bytes: Vec<u8>) -> Result<DataFrame, TableError> {
+    let table = read_any(bytes).map_err(TableError::Parquet)?;
+    let empty = [RecordBatch::new_empty(table.schema.clone())];
+    let batches = if table.batches.is_empty() { &empty[..] } else { &table.batches[..] };
+    let mut frame = DataFrame::default();
+    for (i, batch) in batches.iter().enumerate() {
+        let fields = table.schema.fields().iter().zip(batch.columns());
+        let columns: Result<Vec<Column>, _> = fields.map(|(field, array)| column(field.name(), array)).collect();
+        let part = DataFrame::new(batch.num_rows(), columns?).expect("columns of a batch are of one length");
+        if i == 0 {
+            frame = part;
+        } else {
+            frame.vstack_mut(&part).expect("batches of a file have the same columns");
+        }
+    }
+    frame.rechunk_mut_par();
+    Ok(frame)
+}
+
+/// Answers an SQL query whose tables are files.
+///
+/// A table is a quoted name after FROM, JOIN or a comma between tables: `FROM 'labels/*.parquet'`, or in double quotes if
+/// the name has a slash, a dot or an asterisk. `files` returns the files that a name stands for, one below the other, and
+/// `None` or nothing if there are none. Where it names them, their names become a column `file`.
+///
+/// # Errors
+/// [`TableError`] if there is no such table, its files do not go together, or polars does not understand the query.
+pub fn sql<F: Into<TableFile>>(
+    query: &str,
+    files: &mut dyn FnMut(&str) -> Option<Vec<F>>,
+) -> Result<DataFrame, TableError> {
+    let mut context = SQLContext::new();
+    let mut rewritten = String::with_capacity(query.len());
+    let mut end = 0;
+    let mut known: Vec<String> = Vec::new();
+    for target in targets(query) {
+        rewritten.push_str(&query[end..target.start]);
+        rewritten.push('"');
+        rewritten.push_str(&target.name.replace('"', "\"\""));
+        rewritten.push('"');
+        end = target.end;
+        if known.contains(&target.name) {
+            continue;
+        }
+        let parts = files(&target.name).filter(|parts| !parts.is_empty());
+        let parts = parts.ok_or_else(|| TableError::NoTable(target.name.clone()))?;
+        context.register(&target.name, stacked(&target.name, parts)?.lazy());
+        known.push(target.name);
+    }
+    rewritten.push_str(&query[end..]);
+    context.execute(&rewritten).and_then(|lazy| lazy.collect()).map_err(TableError::Query)
+}
+
+/// Puts the files of a table below each other.
+fn stacked<F: Into<TableFile>>(table: &str, files: Vec<F>) -> Result<DataFrame, TableError> {
+    let mut all: Option<DataFrame> = None;
+    for file in files {
+        let TableFile { name, bytes } = file.into();
+        let mut part = data_frame(bytes)?;
+        if let Some(name) = name {
+            let name = Scalar::new(DataType::String, polars::prelude::AnyValue::StringOwned(name.into()));
+            let column = Column::new_scalar(PlSmallStr::from_static("file"), name, part.height());
+            part.with_column(column).expect("a column of the frame's height");
+        }
+        match &mut all {
+            None => all = Some(part),
+            Some(all) => {
+                let columns = |source| TableError::Columns { table: table.to_owned(), source };
+                all.vstack_mut(&part).map_err(columns)?;
+            }
+        }
+    }
+    let mut all = all.expect("a table has files");
+    all.rechunk_mut_par();
+    Ok(all)
+}
+
+/// Hands the values of an Arrow column to polars.
+fn column(name: &str, array: &ArrayRef) -> Result<Column, TableError> {
+    let name = PlSmallStr::from_str(name);
+    let series = match array.data_type() {
+        ArrowType::Boolean => Series::new(name, array.as_boolean().iter().collect::<Vec<Option<bool>>>()),
+        ArrowType::Utf8 => Series::new(name, array.as_string::<i32>().iter().collect::<Vec<Option<&str>>>()),
+        ArrowType::Int8 => numbers::<Int8Type>(name, array),
+        ArrowType::Int32 => numbers::<Int32Type>(name, array),
+        ArrowType::Int64 => numbers::<Int64Type>(name, array),
+        ArrowType::UInt8 => numbers::<UInt8Type>(name, array),
+        ArrowType::UInt32 => numbers::<UInt32Type>(name, array),
+        ArrowType::UInt64 => numbers::<UInt64Type>(name, array),
+        ArrowType::Float32 => numbers::<Float32Type>(name, array),
+        ArrowType::Float64 => numbers::<Float64Type>(name, array),
+        ArrowType::List(_) | ArrowType::FixedSizeList(..) => return lists(name, array),
+        other => return Err(TableError::Type { column: name.to_string(), data: other.clone() }),
+    };
+    Ok(series.into())
+}
+
+fn numbers<T: ArrowPrimitiveType>(name: PlSmallStr, array: &ArrayRef) -> Series
+where
+    Series: NamedFrom<Vec<T::Native>, [T::Native]> + NamedFrom<Vec<Option<T::Native>>, [Option<T::Native>]>,
+{
+    let array = array.as_primitive::<T>();
+    if array.null_count() == 0 {
+        Series::new(name, array.values().to_vec())
+    } else {
+        Series::new(name, array.iter().collect::<Vec<_>>())
+    }
+}
+
+fn lists(name: PlSmallStr, array: &ArrayRef) -> Result<Column, TableError> {
+    let item = |i: usize| match array.data_type() {
+        ArrowType::FixedSizeList(..) => array.as_fixed_size_list().value(i),
+        _ => array.as_list::<i32>().value(i),
+    };
+    let rows: Result<Vec<Series>, TableError> =
+        (0..array.len()).map(|i| Ok(column("", &item(i))?.take_materialized_series())).collect();
+    Ok(Series::new(name, rows?).into())
+}
+
+/// A quoted table in a query: its name, and where it stands with its quotes.
+#[derive(Debug, PartialEq, Eq)]
+struct Target {
+    name: String,
+    start: usize,
+    end: usize,
+}
+
+/// Words that end a list of tables.
+const AFTER_TABLES: [&str; 14] = [
+    "where", "group", "order", "having", "limit", "union", "select", "on", "using", "except", "intersect", "window",
+    "qualify", "offset",
+];
+
+/// Finds the quoted tables of a query.
+fn targets(query: &str) -> Vec<Target> {
+    let mut found = Vec::new();
+    // For each open parenthesis: whether a SELECT came in it (else FROM belongs to a function, as in TRIM), and whether
+    // a list of tables is open.
+    let mut scopes = vec![(true, false)];
+    let mut expected = false;
+    let mut at = 0;
+    while at < query.len() {
+        let rest = &query[at..];
+        let first = rest.chars().next().expect("not at the end");
+        let mut length = first.len_utf8();
+        let scope = scopes.last_mut().expect("the outermost scope stays");
+        match first {
+            '\'' | '"' => {
+                let name;
+                (name, length) = quoted(rest, first);
+                if expected && (first == '\'' || name.contains(['/', '.', '*'])) {
+                    found.push(Target { name, start: at, end: at + length });
+                }
+                expected = false;
+            }
+            '-' if rest.starts_with("--") => length = rest.find('\n').unwrap_or(rest.len()),
+            '/' if rest.starts_with("/*") => length = rest.find("*/").map_or(rest.len(), |end| end + 2),
+            '(' => {
+                scopes.push((false, false));
+                expected = false;
+            }
+            ')' => {
+                if scopes.len() > 1 {
+                    scopes.pop();
+                }
+                expected = false;
+            }
+            ',' => expected = scope.1,
+            _ if first.is_alphanumeric() || first == '_' => {
+                length = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
+                let word = rest[..length].to_ascii_lowercase();
+                expected = word == "join" || (word == "from" && scope.0);
+                scope.0 |= word == "select";
+                if expected {
+                    scope.1 = true;
+                } else if AFTER_TABLES.contains(&word.as_str()) {
+                    scope.1 = false;
+                }
+            }
+            _ if first.is_whitespace() => {}
+            _ => expected = false,
+        }
+        at += length;
+    }
+    found
+}
+
+/// Returns the text of a quoted beginning, and its length with the quotes; a doubled quote stands for one.
+fn quoted(text: &str, quote: char) -> (String, usize) {
+    let mut name = String::new();
+    let mut chars = text.char_indices().skip(1).peekable();
+    while let Some((at, c)) = chars.next() {
+        if c != quote {
+            name.push(c);
+        } else if chars.peek().is_some_and(|next| next.1 == quote) {
+            name.push(quote);
+            chars.next();
+        } else {
+            return (name, at + 1);
+        }
+    }
+    (name, text.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::geometry::{Frame, Grid, Point};
+    use crate::domain::quantize::Labels;
+    use crate::domain::tiles::Tiles;
+    use crate::kinds::{Placed, SingleFile};
+
+    fn check(query: &str, expected: &[&str]) {
+        let found = targets(query);
+        assert_eq!(found.iter().map(|target| target.name.as_str()).collect::<Vec<_>>(), expected, "{query}");
+        for target in found {
+            assert!(query[target.start..target.end].ends_with(['\'', '"']), "{query}");
+        }
+    }
+
+    #[test]
+    fn quoted_tables_are_found() {
+        check("SELECT * FROM 'a/b.parquet'", &["a/b.parquet"]);
+        check("select x from\n  'a' as l JOIN \"b/*.parquet\" AS r ON l.x = r.x", &["a", "b/*.parquet"]);
+        check("SELECT * FROM 'it''s', 'ö' WHERE x IN ('no', 'table')", &["it's", "ö"]);
+        check("WITH t AS (SELECT * FROM 'a') SELECT * FROM \"t\" WHERE name = 'FROM'", &["a"]);
+        check("SELECT TRIM('x' FROM 'xax'), 'b' FROM 'a' -- FROM 'c'\n", &["a"]);
+        check("SELECT 1 /* FROM 'c' */ FROM (SELECT * FROM 'a') ORDER BY x, 'y'", &["a"]);
+        check("FROM 'a' SELECT x, 'b'", &["a"]);
+        check("SELECT 'open", &[]);
+    }
+
+    /// Labels of 2 × 2 cells, with the origin at (−1.5, 0.25).
+    fn labels() -> Vec<u8> {
+        let frame = Frame { origin: Point::new(-1.5, 0.25), ..Frame::at_zero(0.1, 2, 2) };
+        let labels = Labels { classes: Grid::from_vec(2, 2, vec![0, -1, 2, 2]), count: 3 };
+        Placed::new(frame, labels).to_bytes().expect("encoded")
+    }
+
+    fn tiles() -> Vec<u8> {
+        let tiles = Tiles {
+            size: 2,
+            classes: 3,
+            maps: vec!["home_00".to_owned(), "home_02".to_owned()],
+            origin: vec![(0, 0, 0), (1, -2, 4)],
+            occupancy: vec![1; 8],
+            labels: vec![-1, 1, 2, 3, 3, 2, 1, -1],
+            labeled_share: vec![0.75, 0.75],
+        };
+        tiles.to_bytes().expect("encoded")
+    }
+
+    fn files(name: &str) -> Option<Vec<(String, Vec<u8>)>> {
+        match name {
+            "labels/*" => Some(vec![("labels/a".to_owned(), labels()), ("labels/b".to_owned(), labels())]),
+            "labels" => Some(vec![("labels".to_owned(), labels())]),
+            "tiles" => Some(vec![("tiles".to_owned(), tiles())]),
+            "mixed" => Some(vec![("labels".to_owned(), labels()), ("tiles".to_owned(), tiles())]),
+            _ => None,
+        }
+    }
+
+    fn ask(query: &str) -> Result<String, TableError> {
+        sql(query, &mut files).map(|frame| frame.to_string())
+    }
+
+    #[test]
+    fn a_row_for_each_cell_with_centers_in_the_map_frame() {
+        let frame = data_frame(labels()).expect("a table");
+        assert_eq!(frame.get_column_names(), ["row", "col", "x", "y", "class"]);
+        assert_eq!(frame.height(), 4);
+        let at = |name: &str| frame.column(name).expect("a column").f64().expect("numbers").get(1).expect("a value");
+        // Row 0, column 1 of 2 × 2 cells of 0.1 m.
+        assert!((at("x") - (-1.35)).abs() < 1e-12 && (at("y") - 0.4).abs() < 1e-12);
+    }
+
+    #[test]
+    fn queries_ask_files() {
+        let query = "SELECT class, COUNT(*) AS cells FROM 'labels' GROUP BY class ORDER BY class DESC";
+        let frame = sql(query, &mut files).expect("an answer");
+        let cells: Vec<Option<u32>> = frame.column("cells").expect("a column").u32().expect("counts").iter().collect();
+        assert_eq!(cells, [Some(2), Some(1), Some(1)]);
+        let text = ask("SELECT DISTINCT file FROM \"labels/*\" ORDER BY file").expect("an answer");
+        assert!(text.contains("shape: (2, 1)") && text.contains("labels/b"), "{text}");
+        let text = ask("SELECT map, classes FROM 'tiles' WHERE row < 0").expect("an answer");
+        assert!(text.contains("list[i8]") && text.contains("home_02"), "{text}");
+        let joined = "SELECT l.class FROM 'labels' AS l JOIN 'labels/*' AS r ON l.row = r.row AND l.col = r.col";
+        assert!(ask(joined).expect("an answer").contains("shape: (8, 1)"));
+    }
+
+    #[test]
+    fn queries_without_an_answer_say_why() {
+        assert_eq!(ask("SELECT * FROM 'costs'").expect_err("no table").to_string(), "there is no table `costs`");
+        let error = ask("SELECT * FROM costs").expect_err("no quotes");
+        assert!(error.help().is_some_and(|help| help.contains("in quotes")), "{error}");
+        let error = ask("SELECT wrong FROM 'labels'").expect_err("no such column").to_string();
+        assert!(error.starts_with("the query does not work: ") && error.contains("wrong"), "{error}");
+        assert!(matches!(ask("SELECT * FROM 'mixed'"), Err(TableError::Columns { .. })));
+        assert!(matches!(data_frame(b"PAR1 but not really".to_vec()), Err(TableError::Parquet(_))));
+    }
+}

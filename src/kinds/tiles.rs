@@ -1,0 +1,142 @@
+//! `Tiles`: one row per window: `map` (name), `row`, `col` i32 of the top left cell; `occupancy` u8 and `classes` i8 as
+//! lists of `size`² values in row-major order; `labeled_share` f32. Size, C and the names of all maps are metadata.
+
+use std::sync::Arc;
+
+use arrow::array::{Array, ArrayRef, AsArray, FixedSizeListArray, Float32Array, Int8Array, Int32Array, StringArray, UInt8Array};
+use arrow::datatypes::{ArrowPrimitiveType, DataType, Field, Float32Type, Int8Type, Int32Type, UInt8Type};
+
+use super::labels::{check_classes, class_count};
+use super::parquet::{Batch, Column, Layout, Table, wrong_value};
+use super::{KindError, SingleFile};
+use crate::domain::quantize::UNLABELED;
+use crate::domain::tiles::Tiles;
+
+const KIND: &str = "Tiles";
+/// Windows of a row group: four million cells at 64 cells a side.
+const GROUP_WINDOWS: usize = 1024;
+
+fn columns(size: usize) -> Vec<Column> {
+    let list = |item| {
+        let length = i32::try_from(size * size).expect("windows have at most 512 cells a side");
+        DataType::FixedSizeList(Arc::new(Field::new("element", item, false)), length)
+    };
+    vec![
+        Column::new("map", DataType::Utf8),
+        Column::new("row", DataType::Int32),
+        Column::new("col", DataType::Int32),
+        Column::new("occupancy", list(DataType::UInt8)),
+        Column::new("classes", list(DataType::Int8)),
+        Column::new("labeled_share", DataType::Float32),
+    ]
+}
+
+impl SingleFile for Tiles {
+    const NAME: &'static str = KIND;
+    const FORMAT: u32 = 1;
+
+    fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
+        let columns = columns(self.size);
+        let lists = |column: usize, values: ArrayRef| -> Result<ArrayRef, KindError> {
+            let DataType::FixedSizeList(item, length) = &columns[column].data else { unreachable!("a list") };
+            let array = FixedSizeListArray::try_new(item.clone(), *length, values, None);
+            Ok(Arc::new(array.map_err(|e| KindError::Shape { kind: KIND, what: e.to_string() })?))
+        };
+        check_classes(KIND, "classes", self.classes, UNLABELED, &self.labels)?;
+        let names: Result<Vec<&str>, KindError> = self
+            .origin
+            .iter()
+            .enumerate()
+            .map(|(i, origin)| {
+                let name = self.maps.get(origin.0 as usize).map(String::as_str);
+                name.ok_or_else(|| wrong_value(KIND, "map", i, origin.0, "the index of a map"))
+            })
+            .collect();
+        let arrays: Vec<ArrayRef> = vec![
+            Arc::new(StringArray::from_iter_values(names?)),
+            Arc::new(Int32Array::from_iter_values(self.origin.iter().map(|origin| origin.1))),
+            Arc::new(Int32Array::from_iter_values(self.origin.iter().map(|origin| origin.2))),
+            lists(3, Arc::new(UInt8Array::from(self.occupancy.clone())))?,
+            lists(4, Arc::new(Int8Array::from(self.labels.clone())))?,
+            Arc::new(Float32Array::from(self.labeled_share.clone())),
+        ];
+        let maps = serde_json::to_string(&self.maps).expect("names are JSON");
+        let layout = Layout { group_rows: GROUP_WINDOWS, ..Layout::new(KIND, <Self as SingleFile>::FORMAT, columns) };
+        layout.with("size", self.size).with("classes", self.classes).with("maps", maps).bytes(arrays)
+    }
+
+    fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
+        let table = Table::open(KIND, <Self as SingleFile>::FORMAT, bytes)?;
+        let size: usize = table.parsed("size", "a number of cells")?;
+        if !(1..=512).contains(&size) {
+            return Err(table.wrong_metadata("size", "a number of cells from 1 to 512"));
+        }
+        let maps: Vec<String> =
+            serde_json::from_str(table.text("maps")?).map_err(|_| table.wrong_metadata("maps", "a list of names"))?;
+        let mut tiles = Self {
+            size,
+            classes: class_count(&table)?,
+            maps,
+            origin: Vec::new(),
+            occupancy: Vec::new(),
+            labels: Vec::new(),
+            labeled_share: Vec::new(),
+        };
+        for batch in table.batches(&columns(size))? {
+            tiles.append(&batch?)?;
+        }
+        check_classes(KIND, "classes", tiles.classes, UNLABELED, &tiles.labels)?;
+        if let Some(i) = tiles.occupancy.iter().position(|cell| *cell > 1) {
+            return Err(wrong_value(KIND, "occupancy", i / (size * size), tiles.occupancy[i], "0 or 1"));
+        }
+        if let Some(i) = tiles.labeled_share.iter().position(|share| !(0.0..=1.0).contains(share)) {
+            return Err(wrong_value(KIND, "labeled_share", i, tiles.labeled_share[i], "a share from 0 to 1"));
+        }
+        Ok(tiles)
+    }
+}
+
+/// Appends windows as they come from a file.
+trait Append {
+    fn append(&mut self, batch: &Batch) -> Result<(), KindError>;
+}
+
+impl Append for Tiles {
+    fn append(&mut self, batch: &Batch) -> Result<(), KindError> {
+        let names = batch.arrays[0].as_string::<i32>();
+        let (rows, cols) = (batch.numbers::<Int32Type>(1), batch.numbers::<Int32Type>(2));
+        for i in 0..batch.rows {
+            let map = self.maps.iter().position(|name| name == names.value(i)).and_then(|map| u32::try_from(map).ok());
+            let unknown = || wrong_value(KIND, "map", batch.first + i, names.value(i), "one of the `maps` in the metadata");
+            self.origin.push((map.ok_or_else(unknown)?, rows[i], cols[i]));
+        }
+        let cells = self.size * self.size;
+        append_lists::<UInt8Type>(&mut self.occupancy, "occupancy", batch, 3, cells)?;
+        append_lists::<Int8Type>(&mut self.labels, "classes", batch, 4, cells)?;
+        self.labeled_share.extend_from_slice(batch.numbers::<Float32Type>(5));
+        Ok(())
+    }
+}
+
+/// Appends the values of lists that all have `length` values.
+fn append_lists<T: ArrowPrimitiveType>(
+    out: &mut Vec<T::Native>,
+    name: &str,
+    batch: &Batch,
+    column: usize,
+    length: usize,
+) -> Result<(), KindError> {
+    let array = &batch.arrays[column];
+    for i in 0..batch.rows {
+        let list = match array.data_type() {
+            DataType::FixedSizeList(..) => array.as_fixed_size_list().value(i),
+            _ => array.as_list::<i32>().value(i),
+        };
+        if list.len() != length || list.null_count() > 0 {
+            let value = format!("a list of {} values", list.len());
+            return Err(wrong_value(KIND, name, batch.first + i, value, &format!("a list of {length} values")));
+        }
+        out.extend_from_slice(list.as_primitive::<T>().values());
+    }
+    Ok(())
+}

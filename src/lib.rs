@@ -1,0 +1,53 @@
+//! `trodden` learns where people walk.
+//!
+//! From the floor plan of a building it predicts how often each spot is visited. It simulates crowds on maps, counts where
+//! they go, trains a small segmentation network on windows of map and counts, annotates maps that it has never seen and
+//! measures how well the annotation predicts the social cost of a robot's path. Every step is a stage of a pipeline over a
+//! store of content-hashed artifacts.
+//!
+//! # Bird's-eye view
+//!
+//! ```text
+//!  pipeline.yaml ──► pipeline ──► plan ──► execute ──► events ──► report (bars, pictures, HTML)
+//!                       │  ▲                  │
+//!             register  │  │ recipes          ▼
+//!                    stages ◄────────────── store (objects, recipes, runs, latest)
+//!                    │    │                   ▲
+//!                 domain  kinds ──────────────┘
+//!                (computes) (values ⇄ bytes)
+//! ```
+//!
+//! # Code map
+//!
+//! | room | what it does | may import |
+//! |---|---|---|
+//! | [`domain`] | computes: maps, crowds, counts, labels, windows, the network, annotation, scores, costs | nothing of ours |
+//! | [`store`] | keeps: objects, recipes, runs, plain names, collection, verification | nothing of ours |
+//! | [`kinds`] | encodes: one file per artifact kind, value to bytes and back | domain, store |
+//! | [`pipeline`] | decides: file, plan, execution, events | store |
+//! | [`stages`] | join: read artifacts, let the domain compute, write one artifact | domain, kinds, pipeline, store |
+//! | [`report`] | shows: bars, terminal pictures, PNG, HTML | domain, kinds, store, `pipeline::event` |
+//! | [`cli`] | speaks: one file per command | all |
+//!
+//! `tests/architecture.rs` holds the sources against this table.
+//!
+//! # Invariants
+//!
+//! - Same inputs, same bytes, whatever the number of threads. Randomness comes from [`domain::random::Stream`], named by what
+//!   it is for; sums run in a fixed order; transcendental functions come from `libm`.
+//! - An artifact's bytes are a function of its content alone; provenance lives in recipes and runs.
+//! - The key of a node is the BLAKE3 of its recipe: stage, version, kind and format, all parameters with defaults filled in,
+//!   the seed where it is used, and the digests of its inputs.
+//! - An object appears under its final name complete and synced, and a recipe only after its objects.
+//! - Everything that can be checked is checked before anything runs.
+//!
+//! # Deliberately absent
+//!
+//! No database, no daemon, no scheduler beyond one machine. No provenance inside artifacts. No global state: the register
+//! of stages, the store and the environment are handed in.
+
+pub mod domain;
+pub mod kinds;
+pub mod pipeline;
+pub mod stages;
+pub mod store;

@@ -1,0 +1,222 @@
+//! What happens in a run, as one ordered stream, and the state that it folds into.
+
+use std::collections::BTreeMap;
+
+use serde::{Deserialize, Serialize};
+
+use crate::store::{Digest, Outcome, Role, RunStatus};
+
+/// Something that happened in a run.
+///
+/// As JSON, `event` names the variant: `{"event":"node","node":"labels/home_03","outcome":"ran",…}`.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(tag = "event", rename_all = "snake_case")]
+pub enum Event {
+    /// The run begins; always first.
+    RunStarted {
+        id: String,
+        pipeline: String,
+        file: String,
+        /// How many nodes, chunks and epochs there are.
+        nodes: usize,
+    },
+    /// A node begins to run.
+    NodeStarted { node: String, stage: String, role: Role },
+    /// A node that runs got further.
+    Progress { node: String, done: u64, total: u64 },
+    /// A node is done with, one way or another; once for each.
+    Node {
+        node: String,
+        outcome: Outcome,
+        /// The digest of its artifact, if it has one.
+        digest: Option<Digest>,
+        role: Role,
+        stage: String,
+        kind: String,
+        wall_s: f64,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        error: Option<String>,
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        help: Option<String>,
+    },
+    /// Something is odd, but the run goes on.
+    Warning {
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        node: Option<String>,
+        message: String,
+    },
+    /// The run is over; always last.
+    Run { ran: usize, hit: usize, failed: usize, skipped: usize, wall_s: f64, id: String, status: RunStatus },
+}
+
+/// How many nodes, chunks and epochs ended in each way.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Counts {
+    pub ran: usize,
+    pub hit: usize,
+    pub failed: usize,
+    pub skipped: usize,
+}
+
+impl Counts {
+    /// Counts one more.
+    pub fn add(&mut self, outcome: Outcome) {
+        match outcome {
+            Outcome::Ran => self.ran += 1,
+            Outcome::Hit => self.hit += 1,
+            Outcome::Failed => self.failed += 1,
+            Outcome::Skipped => self.skipped += 1,
+        }
+    }
+
+    /// Returns how many there are of all outcomes.
+    #[must_use]
+    pub const fn total(&self) -> usize {
+        self.ran + self.hit + self.failed + self.skipped
+    }
+}
+
+/// A node that is running.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct Running {
+    pub stage: String,
+    pub role: Role,
+    pub done: u64,
+    /// 0 as long as nothing is known about it.
+    pub total: u64,
+}
+
+/// A node that failed.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct FailedNode {
+    pub node: String,
+    pub message: String,
+    pub help: Option<String>,
+}
+
+/// Where a run stands: all events so far, folded.
+#[derive(Debug, Clone, PartialEq, Default, Serialize)]
+pub struct RunState {
+    pub id: String,
+    pub pipeline: String,
+    /// How many nodes, chunks and epochs there are.
+    pub nodes: usize,
+    pub counts: Counts,
+    /// The same by the name before the first slash: `walks`, `model`.
+    pub stages: BTreeMap<String, Counts>,
+    pub running: BTreeMap<String, Running>,
+    pub failures: Vec<FailedNode>,
+    pub warnings: Vec<String>,
+    /// How the run ended and how long it took in seconds.
+    pub finished: Option<(RunStatus, f64)>,
+}
+
+impl RunState {
+    /// Takes in the next event.
+    pub fn apply(&mut self, event: &Event) {
+        match event {
+            Event::RunStarted { id, pipeline, nodes, .. } => {
+                *self = Self { id: id.clone(), pipeline: pipeline.clone(), nodes: *nodes, ..Self::default() };
+            }
+            Event::NodeStarted { node, stage, role } => {
+                let running = Running { stage: stage.clone(), role: *role, done: 0, total: 0 };
+                self.running.insert(node.clone(), running);
+            }
+            Event::Progress { node, done, total } => {
+                if let Some(running) = self.running.get_mut(node) {
+                    (running.done, running.total) = (*done, *total);
+                }
+            }
+            Event::Node { node, outcome, error, help, .. } => {
+                self.running.remove(node);
+                self.counts.add(*outcome);
+                let stage = node.split('/').next().unwrap_or(node);
+                match self.stages.get_mut(stage) {
+                    Some(counts) => counts.add(*outcome),
+                    None => self.stages.entry(stage.to_owned()).or_default().add(*outcome),
+                }
+                if *outcome == Outcome::Failed {
+                    let message = error.clone().unwrap_or_default();
+                    self.failures.push(FailedNode { node: node.clone(), message, help: help.clone() });
+                }
+            }
+            Event::Warning { node, message } => self.warnings.push(match node {
+                Some(node) => format!("`{node}`: {message}"),
+                None => message.clone(),
+            }),
+            Event::Run { status, wall_s, .. } => self.finished = Some((*status, *wall_s)),
+        }
+    }
+
+    /// Returns how many nodes, chunks and epochs are done with.
+    #[must_use]
+    pub const fn done(&self) -> usize {
+        self.counts.total()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn node(name: &str, outcome: Outcome) -> Event {
+        Event::Node {
+            node: name.to_owned(),
+            outcome,
+            digest: (outcome == Outcome::Ran).then(|| Digest::of(b"x")),
+            role: Role::Node,
+            stage: "quantize".to_owned(),
+            kind: "Labels".to_owned(),
+            wall_s: 0.5,
+            error: (outcome == Outcome::Failed).then(|| "no".to_owned()),
+            help: None,
+        }
+    }
+
+    #[test]
+    fn events_read_back_from_json_as_the_issue_writes_them() {
+        let event = node("labels/home_03", Outcome::Ran);
+        let json = serde_json::to_value(&event).expect("an event is JSON");
+        assert_eq!(json["event"], "node");
+        assert_eq!(json["node"], "labels/home_03");
+        assert_eq!(json["outcome"], "ran");
+        assert_eq!(json["digest"], Digest::of(b"x").to_hex());
+        assert_eq!(serde_json::from_value::<Event>(json).ok(), Some(event));
+        let last = Event::Run {
+            ran: 1,
+            hit: 2,
+            failed: 3,
+            skipped: 4,
+            wall_s: 0.25,
+            id: "a".to_owned(),
+            status: RunStatus::Failed,
+        };
+        let text = serde_json::to_string(&last).expect("an event is JSON");
+        assert_eq!(
+            text,
+            r#"{"event":"run","ran":1,"hit":2,"failed":3,"skipped":4,"wall_s":0.25,"id":"a","status":"failed"}"#
+        );
+    }
+
+    #[test]
+    fn the_stream_folds_into_one_state() {
+        let mut state = RunState::default();
+        let (id, pipeline, file) = ("r".to_owned(), "p".to_owned(), "p.yaml".to_owned());
+        state.apply(&Event::RunStarted { id, pipeline, file, nodes: 3 });
+        let started =
+            |node: &str| Event::NodeStarted { node: node.to_owned(), stage: "s".to_owned(), role: Role::Node };
+        state.apply(&started("labels/a"));
+        state.apply(&started("labels/b"));
+        state.apply(&Event::Progress { node: "labels/b".to_owned(), done: 2, total: 5 });
+        state.apply(&node("labels/a", Outcome::Failed));
+        state.apply(&Event::Warning { node: Some("x".to_owned()), message: "odd".to_owned() });
+        assert_eq!(state.running.keys().collect::<Vec<_>>(), ["labels/b"]);
+        assert_eq!(state.running["labels/b"].done, 2);
+        state.apply(&node("labels/b", Outcome::Ran));
+        state.apply(&node("scores", Outcome::Hit));
+        assert_eq!(state.counts, Counts { ran: 1, hit: 1, failed: 1, skipped: 0 });
+        assert_eq!(state.stages["labels"], Counts { ran: 1, failed: 1, ..Counts::default() });
+        assert_eq!((state.done(), state.running.len(), state.failures.len()), (3, 0, 1));
+        assert_eq!(state.warnings, ["`x`: odd"]);
+    }
+}

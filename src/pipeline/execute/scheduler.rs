@@ -1,0 +1,338 @@
+//! Starts tasks as they become ready and takes note of what comes of them.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::atomic::Ordering;
+use std::sync::mpsc::{Receiver, Sender, channel};
+use std::thread::{Builder, Scope};
+use std::time::{Duration, Instant};
+
+use super::worker::{Assignment, Made, Message, Trouble};
+use super::{Failure, Options};
+use crate::pipeline::error::PipelineError;
+use crate::pipeline::event::{Counts, Event};
+use crate::pipeline::graph::Work;
+use crate::pipeline::ledger::{Ledger, Status};
+use crate::pipeline::stage::Needs;
+use crate::store::{Damage, Damaged, Outcome, Store, StoreError};
+
+/// How often a request to stop is looked for.
+const LISTEN: Duration = Duration::from_millis(50);
+/// How soon, and at most how late, a key that another process had locked is tried again.
+const SOON: Duration = Duration::from_millis(10);
+const LATE: Duration = Duration::from_millis(200);
+/// Stack of a task's thread, as large as that of a main thread.
+const STACK: usize = 8 << 20;
+
+/// How a task ended.
+pub(super) struct End {
+    pub outcome: Outcome,
+    pub wall_s: f64,
+    pub error: Option<String>,
+}
+
+/// The state of a run.
+pub(super) struct Scheduler<'a> {
+    store: &'a Store,
+    options: &'a Options<'a>,
+    pub ledger: Ledger<'a>,
+    pub sink: &'a mut dyn FnMut(&Event),
+    /// Tasks that could start.
+    ready: BTreeSet<usize>,
+    /// Tasks whose key somebody else has locked.
+    aside: Vec<usize>,
+    try_again: (Instant, Duration),
+    running: BTreeMap<usize, Needs>,
+    pub ends: Vec<Option<End>>,
+    pub counts: Counts,
+    pub failures: Vec<Failure>,
+    pub warnings: Vec<String>,
+    /// Whether nothing new is started any more.
+    stopping: bool,
+}
+
+impl<'a> Scheduler<'a> {
+    pub(super) fn new(
+        store: &'a Store,
+        options: &'a Options<'a>,
+        ledger: Ledger<'a>,
+        sink: &'a mut dyn FnMut(&Event),
+    ) -> Self {
+        let ends = ledger.status.iter().map(|_| None).collect();
+        Self {
+            store,
+            options,
+            ledger,
+            sink,
+            ready: BTreeSet::new(),
+            aside: Vec::new(),
+            try_again: (Instant::now(), SOON),
+            running: BTreeMap::new(),
+            ends,
+            counts: Counts::default(),
+            failures: Vec::new(),
+            warnings: Vec::new(),
+            stopping: false,
+        }
+    }
+
+    pub(super) fn store(&self) -> &'a Store {
+        self.store
+    }
+
+    pub(super) fn is_cancelled(&self) -> bool {
+        self.options.cancelled.load(Ordering::Relaxed)
+    }
+
+    /// Announces the run.
+    pub(super) fn begin(&mut self, id: &str) {
+        let pipeline = self.ledger.graph.pipeline;
+        let nodes = self.ledger.status.iter().filter(|status| **status != Status::OutOfScope).count();
+        (self.sink)(&Event::RunStarted {
+            id: id.to_owned(),
+            pipeline: pipeline.name.clone(),
+            file: pipeline.file.display().to_string(),
+            nodes,
+        });
+    }
+
+    /// Runs until nothing is left that can run.
+    pub(super) fn run(&mut self) -> Result<(), PipelineError> {
+        let (sender, receiver) = channel();
+        std::thread::scope(|scope| {
+            loop {
+                self.settle();
+                self.stopping |= self.is_cancelled();
+                if self.stopping {
+                    self.ready.clear();
+                    self.aside.clear();
+                } else if self.start(scope, &sender)? {
+                    continue;
+                }
+                if self.running.is_empty() && self.ready.is_empty() && self.aside.is_empty() {
+                    break Ok::<(), PipelineError>(());
+                }
+                self.listen(&receiver);
+            }
+        })?;
+        self.settle();
+        self.sweep();
+        Ok(())
+    }
+
+    /// Takes note of all tasks whose inputs have become known.
+    fn settle(&mut self) {
+        for task in self.ledger.advance() {
+            match self.ledger.status[task] {
+                Status::Hit => self.end(task, Outcome::Hit, 0.0, None, None),
+                Status::Todo(_) => {
+                    self.ready.insert(task);
+                }
+                _ => {}
+            }
+        }
+        for damage in self.store.take_damages() {
+            self.warn(None, damage_text(&damage));
+        }
+        for (task, error) in std::mem::take(&mut self.ledger.troubles) {
+            self.fail(task, 0.0, error.into());
+        }
+    }
+
+    /// Starts what can start; returns whether some task turned out to be made already.
+    fn start<'scope>(
+        &mut self,
+        scope: &'scope Scope<'scope, '_>,
+        sender: &Sender<Message>,
+    ) -> Result<bool, PipelineError>
+    where
+        'a: 'scope,
+    {
+        if !self.aside.is_empty() && Instant::now() >= self.try_again.0 {
+            self.ready.extend(self.aside.drain(..));
+        }
+        while let Some((task, needs)) = self.pick() {
+            self.ready.remove(&task);
+            match self.prepare(task) {
+                Ok(Some(assignment)) => {
+                    self.running.insert(task, needs);
+                    self.ledger.status[task] = Status::Running;
+                    let (node, name) = (self.ledger.graph.node(task), &self.ledger.graph.tasks[task].name);
+                    let role = self.ledger.graph.tasks[task].role;
+                    (self.sink)(&Event::NodeStarted { node: name.clone(), stage: node.spec.name.to_owned(), role });
+                    let sender = sender.clone();
+                    Builder::new()
+                        .name(name.clone())
+                        .stack_size(STACK)
+                        .spawn_scoped(scope, move || assignment.work(&sender))
+                        .map_err(|source| PipelineError::Thread { source })?;
+                }
+                Ok(None) if self.ledger.status[task] == Status::Hit => return Ok(true),
+                Ok(None) => self.put_aside(task),
+                Err(error) => {
+                    self.fail(task, 0.0, error.into());
+                    return Ok(true);
+                }
+            }
+        }
+        Ok(false)
+    }
+
+    /// Returns the first ready task that there is room for.
+    fn pick(&self) -> Option<(usize, Needs)> {
+        if self.running.len() >= self.options.jobs.max(1) || self.running.values().any(|needs| needs.exclusive) {
+            return None;
+        }
+        let used: u64 = self.running.values().map(|needs| needs.memory).sum();
+        for task in self.ready.iter().copied() {
+            let needs = match self.ledger.graph.tasks[task].work {
+                Work::Part(part) => self.ledger.graph.node(task).stage.needs(part),
+                Work::Close => Needs { memory: 0, exclusive: false },
+            };
+            if self.running.is_empty() {
+                return Some((task, needs));
+            }
+            if needs.exclusive {
+                // What stands behind it would keep it waiting.
+                return None;
+            }
+            if used.saturating_add(needs.memory) <= self.options.memory {
+                return Some((task, needs));
+            }
+        }
+        None
+    }
+
+    /// Locks a task's key and looks it up again: another run may have made it meanwhile, then it is a hit.
+    fn prepare(&mut self, task: usize) -> Result<Option<Assignment<'a>>, StoreError> {
+        let key = self.ledger.keys[task].expect("a ready task was settled");
+        let Some(lock) = self.store.try_lock(&key)? else { return Ok(None) };
+        if let Some(record) = self.store.recall(&key)?
+            && self.ledger.closes(task, &record.artifact)
+            && self.store.complete(&record.artifact)
+        {
+            self.ledger.finish(task, record.artifact, false);
+            self.end(task, Outcome::Hit, 0.0, None, None);
+            return Ok(None);
+        }
+        Ok(Some(Assignment::new(&mut self.ledger, task, lock, self.store, self.options.cancelled)))
+    }
+
+    fn put_aside(&mut self, task: usize) {
+        if self.aside.is_empty() {
+            let (now, wait) = (Instant::now(), self.try_again.1);
+            self.try_again = (now + wait, (wait * 2).min(LATE));
+        }
+        self.aside.push(task);
+    }
+
+    /// Waits for what the threads send, but not longer than until something else is due.
+    fn listen(&mut self, receiver: &Receiver<Message>) {
+        let due = self.try_again.0.saturating_duration_since(Instant::now());
+        let wait = if self.aside.is_empty() { LISTEN } else { LISTEN.min(due.max(Duration::from_millis(1))) };
+        let mut message = receiver.recv_timeout(wait).ok();
+        while let Some(received) = message {
+            match received {
+                Message::Progress { task, done, total } => {
+                    let node = self.ledger.graph.tasks[task].name.clone();
+                    (self.sink)(&Event::Progress { node, done, total });
+                }
+                Message::Ended { task, wall_s, result } => {
+                    self.running.remove(&task);
+                    self.try_again.1 = SOON;
+                    match result {
+                        Ok(made) => self.finish(task, wall_s, made),
+                        Err(trouble) => self.fail(task, wall_s, trouble),
+                    }
+                }
+            }
+            message = receiver.try_recv().ok();
+        }
+    }
+
+    fn finish(&mut self, task: usize, wall_s: f64, made: Made) {
+        if let Some(before) = made.before {
+            let message = format!(
+                "it is not deterministic: the same recipe gave {} before and {} now",
+                before.digest, made.artifact.digest
+            );
+            self.warn(Some(task), message);
+        }
+        self.ledger.finish(task, made.artifact, true);
+        self.end(task, Outcome::Ran, wall_s, None, None);
+    }
+
+    fn fail(&mut self, task: usize, wall_s: f64, trouble: Trouble) {
+        let (message, help, damaged) = match trouble {
+            Trouble::Cancelled if self.is_cancelled() => {
+                self.ledger.status[task] = Status::Skipped;
+                return;
+            }
+            Trouble::Cancelled => ("the stage gave up although nobody asked it to".to_owned(), None, false),
+            Trouble::Failed { message, help, damaged } => (message, help, damaged),
+        };
+        let skipped = self.ledger.fail(task);
+        self.stopping |= !self.options.keep_going;
+        let node = self.ledger.graph.tasks[task].name.clone();
+        self.failures.push(Failure { node, message: message.clone(), help: help.clone(), damaged });
+        self.end(task, Outcome::Failed, wall_s, Some(message), help);
+        for task in skipped {
+            self.end(task, Outcome::Skipped, 0.0, None, None);
+        }
+    }
+
+    /// Settles what is left when nothing runs any more: old steps of chains are hits, the rest was not come to.
+    fn sweep(&mut self) {
+        for task in 0..self.ends.len() {
+            let outcome = match self.ledger.status[task] {
+                Status::OutOfScope => continue,
+                Status::Absent => Outcome::Hit,
+                _ => Outcome::Skipped,
+            };
+            if self.ends[task].is_none() {
+                self.end(task, outcome, 0.0, None, None);
+            }
+        }
+    }
+
+    fn end(&mut self, task: usize, outcome: Outcome, wall_s: f64, error: Option<String>, help: Option<String>) {
+        let (of, node) = (&self.ledger.graph.tasks[task], self.ledger.graph.node(task));
+        let made = matches!(outcome, Outcome::Ran | Outcome::Hit);
+        let digest = self.ledger.artifacts[task].as_ref().filter(|_| made).map(|artifact| artifact.digest);
+        (self.sink)(&Event::Node {
+            node: of.name.clone(),
+            outcome,
+            digest,
+            role: of.role,
+            stage: node.spec.name.to_owned(),
+            kind: node.spec.output.name.to_owned(),
+            wall_s,
+            error: error.clone(),
+            help,
+        });
+        self.counts.add(outcome);
+        self.ends[task] = Some(End { outcome, wall_s, error });
+    }
+
+    /// Warns of something that belongs to a task, or to none.
+    pub(super) fn warn(&mut self, task: Option<usize>, message: String) {
+        let node = task.map(|task| self.ledger.graph.tasks[task].name.clone());
+        self.warnings.push(match &node {
+            Some(node) => format!("`{node}`: {message}"),
+            None => message.clone(),
+        });
+        (self.sink)(&Event::Warning { node, message });
+    }
+}
+
+fn damage_text(damage: &Damage) -> String {
+    let what = match &damage.what {
+        Damaged::Recipe(key) => format!("recipe `{key}`"),
+        Damaged::Object(digest) => format!("object `{digest}`"),
+        _ => "a record".to_owned(),
+    };
+    let whose = match damage.nodes.len() {
+        0 => String::new(),
+        _ => format!(", which belongs to `{}`,", damage.nodes.join("`, `")),
+    };
+    format!("{what}{whose} was damaged; it is made again")
+}

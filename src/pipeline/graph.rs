@@ -1,0 +1,223 @@
+//! Divides nodes into tasks: the chunks and steps that are cached one by one, and what each of them reads.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use super::error::PipelineError;
+use super::spec::{Node, Pipeline, Wire, suggest};
+use super::stage::{Division, Part};
+use crate::store::Role;
+
+/// The tasks of a pipeline; each stands after those that it reads.
+#[derive(Debug)]
+pub(crate) struct Graph<'p> {
+    pub pipeline: &'p Pipeline,
+    pub tasks: Vec<Task>,
+    /// The tasks that read each task.
+    pub dependents: Vec<Vec<usize>>,
+}
+
+/// The smallest piece of work that has a recipe.
+#[derive(Debug)]
+pub(crate) struct Task {
+    /// Position of the node in the pipeline.
+    pub node: usize,
+    pub work: Work,
+    /// `labels/home_03`, `walks/home_03/chunk-02`, `model/epoch-07`.
+    pub name: String,
+    pub role: Role,
+    /// What is at the ports that this task reads.
+    pub ports: Vec<Feed>,
+    /// The chunks by name, for the task that joins them.
+    pub parts: Vec<(Arc<str>, usize)>,
+    /// The step before, for a step after the first; the last step, for the node of a chain.
+    pub previous: Option<usize>,
+    /// All tasks among these, once each.
+    pub reads: Vec<usize>,
+}
+
+/// What a task does.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Work {
+    /// The stage is asked for a part.
+    Part(Part),
+    /// The artifact of a chain's last step becomes that of the node; no work is done.
+    Close,
+}
+
+/// What is at a port.
+#[derive(Debug)]
+pub(crate) struct Feed {
+    pub port: &'static str,
+    pub from: From,
+}
+
+#[derive(Debug)]
+pub(crate) enum From {
+    One(usize),
+    /// The members of a group by name, in its order.
+    Group(Vec<(Arc<str>, usize)>),
+}
+
+impl Feed {
+    fn tasks(&self) -> impl Iterator<Item = usize> + '_ {
+        let (one, group) = match &self.from {
+            From::One(task) => (Some(*task), [].iter()),
+            From::Group(members) => (None, members.iter()),
+        };
+        one.into_iter().chain(group.map(|(_, task)| *task))
+    }
+}
+
+/// The tasks of a node.
+struct Made {
+    /// The map's name, if the node is made for one.
+    member: Option<Arc<str>>,
+    parts: Vec<(Arc<str>, usize)>,
+    last: usize,
+}
+
+impl<'p> Graph<'p> {
+    /// Divides the nodes of a pipeline.
+    pub(crate) fn new(pipeline: &'p Pipeline) -> Self {
+        let mut graph = Self { pipeline, tasks: Vec::with_capacity(pipeline.nodes.len()), dependents: Vec::new() };
+        let mut made: Vec<Made> = Vec::with_capacity(pipeline.nodes.len());
+        for (index, node) in pipeline.nodes.iter().enumerate() {
+            let (parts, last) = graph.add(index, node, &made);
+            made.push(Made { member: node.member.clone(), parts, last });
+        }
+        graph.dependents = vec![Vec::new(); graph.tasks.len()];
+        for (index, task) in graph.tasks.iter().enumerate() {
+            for read in &task.reads {
+                graph.dependents[*read].push(index);
+            }
+        }
+        graph
+    }
+
+    /// Returns the node of a task.
+    pub(crate) fn node(&self, task: usize) -> &'p Node {
+        &self.pipeline.nodes[self.tasks[task].node]
+    }
+
+    /// Returns the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
+    pub(crate) fn named(&self, name: &str) -> Result<Vec<usize>, PipelineError> {
+        find_named(&self.tasks.iter().map(|task| task.name.as_str()).collect::<Vec<_>>(), name)
+    }
+
+    /// Adds the tasks of a node; returns its chunks and the task that has its name.
+    fn add(&mut self, index: usize, node: &Node, made: &[Made]) -> (Vec<(Arc<str>, usize)>, usize) {
+        let whole = |graph: &mut Self| {
+            let ports = feeds(node, Part::Whole, made);
+            (Vec::new(), graph.push(index, node, Work::Part(Part::Whole), node.name.clone(), ports))
+        };
+        match node.stage.division() {
+            Division::Whole => whole(self),
+            Division::Chunks(count) => {
+                let parts = (0..count).map(|number| {
+                    let part = Part::Chunk(number);
+                    let label: Arc<str> = Arc::from(format!("chunk-{number:02}"));
+                    let name = format!("{}/{label}", node.name);
+                    (label, self.push(index, node, Work::Part(part), name, feeds(node, part, made)))
+                });
+                let parts = parts.collect();
+                self.gather(index, node, parts, made)
+            }
+            Division::Follows(port) => {
+                let followed = node.inputs.iter().find(|input| input.port == port).map(|input| &input.wire);
+                let followed = match followed {
+                    Some(Wire::One(node)) if !made[*node].parts.is_empty() => made[*node].parts.clone(),
+                    _ => return whole(self),
+                };
+                let mut parts = Vec::with_capacity(followed.len());
+                for (number, (label, read)) in (0..).zip(followed) {
+                    let part = Part::Chunk(number);
+                    let mut ports = feeds(node, part, made);
+                    for feed in ports.iter_mut().filter(|feed| feed.port == port) {
+                        feed.from = From::One(read);
+                    }
+                    let name = format!("{}/{label}", node.name);
+                    parts.push((label, self.push(index, node, Work::Part(part), name, ports)));
+                }
+                self.gather(index, node, parts, made)
+            }
+            Division::Chain(count) => {
+                let mut previous = None;
+                for number in 1..=count {
+                    let part = Part::Step(number);
+                    let name = format!("{}/epoch-{number:02}", node.name);
+                    let step = self.push(index, node, Work::Part(part), name, feeds(node, part, made));
+                    self.link(step, previous.replace(step));
+                }
+                let last = self.push(index, node, Work::Close, node.name.clone(), feeds(node, Part::Whole, made));
+                self.link(last, previous);
+                (Vec::new(), last)
+            }
+        }
+    }
+
+    fn gather(
+        &mut self,
+        index: usize,
+        node: &Node,
+        parts: Vec<(Arc<str>, usize)>,
+        made: &[Made],
+    ) -> (Vec<(Arc<str>, usize)>, usize) {
+        let ports = feeds(node, Part::Gather, made);
+        let last = self.push(index, node, Work::Part(Part::Gather), node.name.clone(), ports);
+        let task = &mut self.tasks[last];
+        task.reads.extend(parts.iter().map(|(_, part)| *part));
+        task.parts.clone_from(&parts);
+        (parts, last)
+    }
+
+    fn link(&mut self, task: usize, previous: Option<usize>) {
+        let task = &mut self.tasks[task];
+        task.previous = previous;
+        task.reads.extend(previous);
+    }
+
+    fn push(&mut self, node: usize, of: &Node, work: Work, name: String, ports: Vec<Feed>) -> usize {
+        let role = match work {
+            Work::Part(Part::Chunk(_)) => Role::Chunk,
+            Work::Part(Part::Step(_)) => Role::Epoch,
+            Work::Part(Part::Whole | Part::Gather) | Work::Close => Role::Node,
+        };
+        let mut reads: Vec<usize> = ports.iter().flat_map(Feed::tasks).collect();
+        reads.sort_unstable();
+        reads.dedup();
+        debug_assert!(role != Role::Node || name == of.name, "the last task of a node has its name");
+        self.tasks.push(Task { node, work, name, role, ports, parts: Vec::new(), previous: None, reads });
+        self.tasks.len() - 1
+    }
+}
+
+/// Returns what is at the ports that a part reads.
+fn feeds(node: &Node, part: Part, made: &[Made]) -> Vec<Feed> {
+    let only = node.stage.part_ports(part);
+    let read = node.inputs.iter().filter(|input| only.is_none_or(|only| only.contains(&input.port)));
+    let feed = |wire: &Wire| match wire {
+        Wire::One(node) => From::One(made[*node].last),
+        Wire::Group(nodes) => {
+            let member = |node: &usize| (made[*node].member.clone().expect("members have names"), made[*node].last);
+            From::Group(nodes.iter().map(member).collect())
+        }
+    };
+    read.map(|input| Feed { port: input.port, from: feed(&input.wire) }).collect()
+}
+
+/// Returns the positions of the names that are a name or lie below it: of a task, a node with its parts, or all nodes of a
+/// stage.
+pub(crate) fn find_named(names: &[&str], name: &str) -> Result<Vec<usize>, PipelineError> {
+    let below = |other: &str| other.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
+    let found: Vec<usize> = (0..names.len()).filter(|position| below(names[*position])).collect();
+    if !found.is_empty() {
+        return Ok(found);
+    }
+    let stages: BTreeSet<&str> = names.iter().map(|name| name.split('/').next().unwrap_or(name)).collect();
+    let help = match suggest::closest(name, stages.iter().chain(names).copied()) {
+        Some(close) => Some(format!("did you mean `{close}`?")),
+        None => suggest::help(name, stages.iter().copied()),
+    };
+    Err(PipelineError::UnknownNode { name: name.to_owned(), help })
+}

@@ -1,0 +1,396 @@
+//! Keeps the state of every task: what is on record, what must run, what waits for what.
+//!
+//! A plan and a run are the same ledger. In a plan, a task whose object must be made again is taken to give the same bytes
+//! as before; in a run, what reads it waits until it has.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::error::PipelineError;
+use super::graph::{From, Graph, Work};
+use super::stage::{Part, StageError};
+use crate::store::{Artifact, Digest, InputDigest, Key, Recipe, Record, Role, Store, StoreError};
+
+/// What a plan asks of a store.
+pub trait Lookups {
+    /// Returns what came out of a recipe, if it is on record.
+    ///
+    /// # Errors
+    /// If the record cannot be read.
+    fn recall(&self, key: &Key) -> Result<Option<Record>, StoreError>;
+    /// Tells whether all objects of an artifact are there.
+    fn complete(&self, artifact: &Artifact) -> bool;
+    /// Returns the digest of a file outside of the store.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    fn source_digest(&self, path: &Path) -> Result<Digest, StoreError>;
+}
+
+impl Lookups for Store {
+    fn recall(&self, key: &Key) -> Result<Option<Record>, StoreError> {
+        self.recall(key)
+    }
+
+    fn complete(&self, artifact: &Artifact) -> bool {
+        self.complete(artifact)
+    }
+
+    fn source_digest(&self, path: &Path) -> Result<Digest, StoreError> {
+        self.source_digest(path)
+    }
+}
+
+/// Where a task stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Status {
+    /// Not part of what was asked for.
+    OutOfScope,
+    /// The digests of some inputs are not known yet.
+    Waiting,
+    /// On record, and its objects are there.
+    Hit,
+    /// On record, but not there; nothing needs it so far.
+    Absent,
+    /// In a plan: on record and not there, but a part of it will be made again, which may be all that is missing.
+    Incomplete,
+    /// It must run, and everything that it reads is there (in a plan: is there or will be).
+    Todo(Reason),
+    Running,
+    Ran,
+    Failed,
+    Skipped,
+}
+
+/// Why a task must run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Reason {
+    /// Its recipe is not on record.
+    Unmade,
+    /// Its object is not in the store any more.
+    Missing,
+    /// Its object is not in the store any more, and a task that runs reads it.
+    Needed {
+        /// Position of that task.
+        by: usize,
+    },
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Unmade => "nothing like it is on record",
+            Self::Missing => "its object is missing",
+            Self::Needed { .. } => "its object is missing, and something that runs reads it",
+        })
+    }
+}
+
+/// The digests of a node's source files by role.
+pub(crate) type Sources = BTreeMap<String, (PathBuf, Digest)>;
+
+/// The states of all tasks.
+pub(crate) struct Ledger<'a> {
+    pub graph: &'a Graph<'a>,
+    lookups: &'a dyn Lookups,
+    /// Whether objects that must be made again are taken to come out as before.
+    foresee: bool,
+    pub status: Vec<Status>,
+    pub keys: Vec<Option<Key>>,
+    pub recipes: Vec<Option<Box<Recipe>>>,
+    /// What is on record or was made.
+    pub artifacts: Vec<Option<Artifact>>,
+    /// The source files of each node.
+    pub sources: Vec<Arc<Sources>>,
+    /// Whether the objects of a task must be there at the end.
+    required: Vec<bool>,
+    needed_by: Vec<Option<usize>>,
+    /// For a waiting task, how many of those that it reads are not known.
+    pending: Vec<usize>,
+    /// Tasks whose inputs have become known.
+    settling: Vec<usize>,
+    /// Tasks whose recipe could not be looked up.
+    pub troubles: Vec<(usize, StoreError)>,
+}
+
+impl<'a> Ledger<'a> {
+    /// Opens the ledger for the tasks that some names mean and all that they read, or for everything.
+    pub(crate) fn new(
+        graph: &'a Graph<'a>,
+        lookups: &'a dyn Lookups,
+        only: &[String],
+        foresee: bool,
+    ) -> Result<Self, PipelineError> {
+        let count = graph.tasks.len();
+        let (mut scope, mut targets) = (vec![only.is_empty(); count], vec![false; count]);
+        for name in only {
+            for task in graph.named(name)? {
+                scope[task] = true;
+                targets[task] |= graph.tasks[task].role != Role::Epoch || graph.tasks[task].name == *name;
+            }
+        }
+        if only.is_empty() {
+            for (target, task) in targets.iter_mut().zip(&graph.tasks) {
+                *target = task.role != Role::Epoch;
+            }
+        }
+        for task in (0..count).rev().filter(|_| !only.is_empty()) {
+            if scope[task] {
+                graph.tasks[task].reads.iter().for_each(|read| scope[*read] = true);
+            }
+        }
+        let in_scope = |in_scope: &bool| if *in_scope { Status::Waiting } else { Status::OutOfScope };
+        let mut ledger = Self {
+            graph,
+            lookups,
+            foresee,
+            status: scope.iter().map(in_scope).collect(),
+            keys: vec![None; count],
+            recipes: vec![None; count],
+            artifacts: vec![None; count],
+            sources: Vec::new(),
+            required: targets,
+            needed_by: vec![None; count],
+            pending: graph.tasks.iter().map(|task| task.reads.len()).collect(),
+            settling: Vec::new(),
+            troubles: Vec::new(),
+        };
+        ledger.sources = ledger.find_sources()?;
+        // Popped from the end: the first tasks come first.
+        ledger.settling = (0..count).rev().filter(|task| scope[*task] && ledger.pending[*task] == 0).collect();
+        Ok(ledger)
+    }
+
+    /// Digests the source files of all nodes; nodes that share a stage share the answer.
+    fn find_sources(&self) -> Result<Vec<Arc<Sources>>, PipelineError> {
+        let mut known: BTreeMap<*const (), Arc<Sources>> = BTreeMap::new();
+        let mut all = Vec::with_capacity(self.graph.pipeline.nodes.len());
+        for node in &self.graph.pipeline.nodes {
+            let address = Arc::as_ptr(&node.stage).cast::<()>();
+            if let Some(sources) = known.get(&address) {
+                all.push(Arc::clone(sources));
+                continue;
+            }
+            let failed = |source| PipelineError::Sources { node: node.name.clone(), source };
+            let mut sources = Sources::new();
+            for source in node.stage.sources().map_err(failed)? {
+                let digest = self.lookups.source_digest(&source.path);
+                sources.insert(source.role, (source.path, digest.map_err(|error| failed(StageError::Store(error)))?));
+            }
+            let sources = Arc::new(sources);
+            known.insert(address, Arc::clone(&sources));
+            all.push(sources);
+        }
+        Ok(all)
+    }
+
+    /// Settles every task whose inputs have become known; returns those that turned out hits or that must run.
+    pub(crate) fn advance(&mut self) -> Vec<usize> {
+        let mut settled = Vec::new();
+        while let Some(task) = self.settling.pop() {
+            if self.status[task] != Status::Waiting {
+                continue;
+            }
+            match self.settle(task) {
+                Ok(()) => settled.push(task),
+                Err(error) => self.troubles.push((task, error)),
+            }
+        }
+        settled
+    }
+
+    /// Makes the recipe of a task and looks it up.
+    fn settle(&mut self, task: usize) -> Result<(), StoreError> {
+        let recipe = self.recipe(task);
+        let key = recipe.key();
+        let record = self.lookups.recall(&key)?;
+        self.keys[task] = Some(key);
+        self.recipes[task] = Some(Box::new(recipe));
+        let artifact = record.map(|record| record.artifact).filter(|artifact| self.closes(task, artifact));
+        let complete = artifact.as_ref().is_some_and(|artifact| self.lookups.complete(artifact));
+        let recorded = artifact.is_some();
+        self.artifacts[task] = artifact;
+        self.status[task] = match (recorded, complete) {
+            (true, true) => Status::Hit,
+            (true, false) if !self.required[task] => Status::Absent,
+            (true, false) if self.foresee && self.reads_todo(task) => Status::Incomplete,
+            (true, false) => match self.needed_by[task] {
+                Some(by) => Status::Todo(Reason::Needed { by }),
+                None => Status::Todo(Reason::Missing),
+            },
+            (false, _) => Status::Todo(Reason::Unmade),
+        };
+        if let Status::Todo(_) = self.status[task] {
+            self.demand(task);
+        }
+        if self.is_known(task) {
+            self.announce(task);
+        }
+        Ok(())
+    }
+
+    /// Tells whether a recorded artifact of a chain is that of its last step; always true of other tasks.
+    pub(crate) fn closes(&self, task: usize, artifact: &Artifact) -> bool {
+        let task = &self.graph.tasks[task];
+        task.work != Work::Close || task.previous.is_some_and(|last| self.artifacts[last].as_ref() == Some(artifact))
+    }
+
+    fn reads_todo(&self, task: usize) -> bool {
+        let todo = |read: &usize| matches!(self.status[*read], Status::Todo(_) | Status::Incomplete);
+        self.graph.tasks[task].reads.iter().any(todo)
+    }
+
+    /// Has the absent inputs of a task that runs made again first; it waits for them.
+    fn demand(&mut self, task: usize) {
+        let graph = self.graph;
+        let mut demanding = vec![task];
+        while let Some(task) = demanding.pop() {
+            let of = &graph.tasks[task];
+            // The end of a chain reads nothing but the last step.
+            let reads = if of.work == Work::Close { of.previous.as_slice() } else { &of.reads };
+            let mut missing = 0;
+            for read in reads.iter().copied().filter(|read| self.status[*read] == Status::Absent).collect::<Vec<_>>() {
+                self.required[read] = true;
+                self.needed_by[read] = Some(task);
+                if self.foresee {
+                    self.status[read] = Status::Todo(Reason::Needed { by: task });
+                    demanding.push(read);
+                    continue;
+                }
+                missing += 1;
+                self.status[read] = Status::Waiting;
+                self.pending[read] = 0;
+                self.settling.push(read);
+                for dependent in &graph.dependents[read] {
+                    if *dependent != task && self.status[*dependent] == Status::Waiting {
+                        self.pending[*dependent] += 1;
+                    }
+                }
+            }
+            if missing > 0 {
+                self.status[task] = Status::Waiting;
+                self.pending[task] = missing;
+            }
+        }
+    }
+
+    /// Tells those that wait for a task that its digest is known.
+    fn announce(&mut self, task: usize) {
+        let graph = self.graph;
+        for dependent in graph.dependents[task].iter().rev() {
+            if self.status[*dependent] == Status::Waiting && self.pending[*dependent] > 0 {
+                self.pending[*dependent] -= 1;
+                if self.pending[*dependent] == 0 {
+                    self.settling.push(*dependent);
+                }
+            }
+        }
+    }
+
+    /// Tells whether the digest of a task is known, or foreseen.
+    pub(crate) fn is_known(&self, task: usize) -> bool {
+        match self.status[task] {
+            Status::Hit | Status::Absent | Status::Ran => true,
+            Status::Todo(_) | Status::Incomplete => self.foresee && self.artifacts[task].is_some(),
+            _ => false,
+        }
+    }
+
+    /// Notes what came out of a task, or that another process has made it meanwhile.
+    pub(crate) fn finish(&mut self, task: usize, artifact: Artifact, ran: bool) {
+        self.artifacts[task] = Some(artifact);
+        self.status[task] = if ran { Status::Ran } else { Status::Hit };
+        self.announce(task);
+    }
+
+    /// Notes that a task failed; returns those that are skipped because they need it.
+    pub(crate) fn fail(&mut self, task: usize) -> Vec<usize> {
+        self.status[task] = Status::Failed;
+        let (mut skipped, mut open) = (Vec::new(), vec![task]);
+        while let Some(task) = open.pop() {
+            for dependent in &self.graph.dependents[task] {
+                if self.status[*dependent] == Status::Waiting {
+                    self.status[*dependent] = Status::Skipped;
+                    skipped.push(*dependent);
+                    open.push(*dependent);
+                }
+            }
+        }
+        skipped.sort_unstable();
+        skipped
+    }
+
+    /// Looks up what was not asked for, as far as it is on record and there, so that the record of the run is whole.
+    pub(crate) fn look_beyond(&mut self) {
+        for task in 0..self.graph.tasks.len() {
+            let known = self.graph.tasks[task].reads.iter().all(|read| self.artifacts[*read].is_some());
+            if self.status[task] != Status::OutOfScope || !known {
+                continue;
+            }
+            let recipe = self.recipe(task);
+            let key = recipe.key();
+            if let Ok(Some(record)) = self.lookups.recall(&key)
+                && self.closes(task, &record.artifact)
+                && self.lookups.complete(&record.artifact)
+            {
+                (self.keys[task], self.artifacts[task]) = (Some(key), Some(record.artifact));
+            }
+        }
+    }
+
+    /// Makes the recipe of a task; inputs whose digests are not known are left out.
+    pub(crate) fn recipe(&self, task: usize) -> Recipe {
+        let (node, of) = (self.graph.node(task), &self.graph.tasks[task]);
+        let digest = |task: usize| self.artifacts[task].as_ref().map(|artifact| artifact.digest);
+        let many = |members: &[(Arc<str>, usize)]| {
+            let known = members.iter().filter_map(|(name, task)| Some((name.to_string(), digest(*task)?)));
+            InputDigest::Many(known.collect())
+        };
+        let mut inputs = BTreeMap::new();
+        for feed in &of.ports {
+            match &feed.from {
+                From::One(task) => {
+                    inputs.extend(digest(*task).map(|digest| (feed.port.to_owned(), InputDigest::One(digest))))
+                }
+                From::Group(members) => {
+                    inputs.insert(feed.port.to_owned(), many(members));
+                }
+            }
+        }
+        for (role, (_, digest)) in &*self.sources[of.node] {
+            inputs.insert(format!("source:{role}"), InputDigest::One(*digest));
+        }
+        let (part, parameters) = match of.work {
+            Work::Part(part) => (part_name(part), node.stage.part_parameters(part)),
+            Work::Close => (None, node.stage.parameters()),
+        };
+        if of.work == Work::Part(Part::Gather) {
+            inputs.insert("parts".to_owned(), many(&of.parts));
+        }
+        if let (Work::Part(_), Some(previous)) = (of.work, of.previous) {
+            inputs.extend(digest(previous).map(|digest| ("previous".to_owned(), InputDigest::One(digest))));
+        }
+        Recipe {
+            stage: node.spec.name.to_owned(),
+            part: part.map(str::to_owned),
+            version: node.spec.version,
+            kind: node.spec.output.name.to_owned(),
+            format: node.spec.output.format,
+            parameters,
+            seed: node.spec.seeded.then_some(self.graph.pipeline.seed),
+            environment: node.stage.environment(),
+            inputs,
+        }
+    }
+}
+
+fn part_name(part: Part) -> Option<&'static str> {
+    match part {
+        Part::Whole => None,
+        Part::Chunk(_) => Some("chunk"),
+        Part::Gather => Some("gather"),
+        Part::Step(_) => Some("step"),
+    }
+}

@@ -1,0 +1,23 @@
+//! Decides. Reads a pipeline file, plans which nodes must run, and runs them over the store.
+//!
+//! It is handed a [`Register`](stage::Register) of stages and never names one.
+//!
+//! ```text
+//! spec     YAML  → Pipeline   nodes and what they read; everything about the file is checked here
+//! graph          → tasks      nodes, their chunks and steps, and what each reads
+//! ledger         → states     recipes and keys; what is on record, what must run, what must be made again
+//! plan, execute               the ledger before a run, and while one goes on
+//! event    run   → stream     folded once into a state, which bars, JSON and reports read
+//! why      plan or run and the run before → differences
+//! ```
+
+pub mod error;
+pub mod event;
+pub mod execute;
+mod graph;
+mod ledger;
+pub mod plan;
+pub mod schema;
+pub mod spec;
+pub mod stage;
+pub mod why;

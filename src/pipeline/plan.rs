@@ -1,0 +1,129 @@
+//! Says what a run would do: which tasks are on record, which must run, which depend on what those give.
+
+use super::error::PipelineError;
+use super::graph::{Graph, find_named};
+use super::ledger::{Ledger, Status};
+use super::spec::Pipeline;
+use crate::store::{Artifact, Key, Recipe, Role};
+
+pub use super::ledger::{Lookups, Reason};
+
+/// All tasks of a pipeline with what would become of them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Plan {
+    /// Name of the pipeline.
+    pub pipeline: String,
+    /// Each stands after those that it reads.
+    pub tasks: Vec<PlannedTask>,
+}
+
+/// A node, a chunk or a step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct PlannedTask {
+    /// `labels/home_03`, `walks/home_03/chunk-02`, `model/epoch-07`.
+    pub name: String,
+    pub role: Role,
+    /// The name that the file gives the use of the stage: `labels`.
+    pub stage_name: String,
+    /// The verb: `quantize`.
+    pub stage: &'static str,
+    pub kind: &'static str,
+    /// Positions of the tasks that it reads.
+    pub inputs: Vec<usize>,
+    pub state: State,
+    /// `None` while some input is not known.
+    pub key: Option<Key>,
+    /// What is asked for; inputs that are not known are left out.
+    pub recipe: Recipe,
+}
+
+/// What would become of a task.
+#[derive(Debug, Clone, PartialEq)]
+pub enum State {
+    /// It is on record; its objects are there if anything needs them.
+    Hit { artifact: Artifact },
+    /// It would run.
+    Run(Reason),
+    /// It would run unless those tasks give what is on record.
+    Depends(Vec<usize>),
+    /// It is no part of what was asked for.
+    OutOfScope,
+}
+
+/// How many tasks there are of each state.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct PlanCounts {
+    pub hit: usize,
+    pub run: usize,
+    pub depends: usize,
+}
+
+/// Plans a pipeline, or only what some nodes, stages or parts need.
+///
+/// # Errors
+/// If a name means nothing, a source file cannot be read, or the store cannot.
+pub fn plan(pipeline: &Pipeline, lookups: &impl Lookups, only: &[String]) -> Result<Plan, PipelineError> {
+    let graph = Graph::new(pipeline);
+    let mut ledger = Ledger::new(&graph, lookups, only, true)?;
+    ledger.advance();
+    if let Some((_, error)) = ledger.troubles.pop() {
+        return Err(error.into());
+    }
+    let tasks = (0..graph.tasks.len()).map(|task| planned(&graph, &mut ledger, task)).collect();
+    Ok(Plan { pipeline: pipeline.name.clone(), tasks })
+}
+
+fn planned(graph: &Graph, ledger: &mut Ledger, task: usize) -> PlannedTask {
+    let (of, node) = (&graph.tasks[task], graph.node(task));
+    let depends = |wanted: &dyn Fn(usize) -> bool| {
+        let mut on: Vec<usize> = of.reads.iter().copied().filter(|read| wanted(*read)).collect();
+        on.sort_unstable();
+        State::Depends(on)
+    };
+    let state = match ledger.status[task] {
+        Status::OutOfScope => State::OutOfScope,
+        Status::Hit | Status::Absent => {
+            State::Hit { artifact: ledger.artifacts[task].clone().expect("a hit is on record") }
+        }
+        Status::Todo(reason) => State::Run(reason),
+        Status::Incomplete => depends(&|read| matches!(ledger.status[read], Status::Todo(_) | Status::Incomplete)),
+        _ => depends(&|read| !ledger.is_known(read)),
+    };
+    let recipe = ledger.recipes[task].take().map_or_else(|| ledger.recipe(task), |recipe| *recipe);
+    PlannedTask {
+        name: of.name.clone(),
+        role: of.role,
+        stage_name: node.stage_name.to_string(),
+        stage: node.spec.name,
+        kind: node.spec.output.name,
+        inputs: of.reads.clone(),
+        state,
+        key: ledger.keys[task],
+        recipe,
+    }
+}
+
+impl Plan {
+    /// Counts the tasks by state.
+    #[must_use]
+    pub fn counts(&self) -> PlanCounts {
+        let mut counts = PlanCounts::default();
+        for task in &self.tasks {
+            match task.state {
+                State::Hit { .. } => counts.hit += 1,
+                State::Run(_) => counts.run += 1,
+                State::Depends(_) => counts.depends += 1,
+                State::OutOfScope => {}
+            }
+        }
+        counts
+    }
+
+    /// Returns the positions of the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
+    ///
+    /// # Errors
+    /// If it means none.
+    pub fn find(&self, name: &str) -> Result<Vec<usize>, PipelineError> {
+        find_named(&self.tasks.iter().map(|task| task.name.as_str()).collect::<Vec<_>>(), name)
+    }
+}

@@ -1,0 +1,355 @@
+//! Follows references: orders the uses, finds cycles, checks kinds, and maps stages over groups.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use super::declare::{Declared, Use};
+use super::reference::{Reference, Target};
+use super::{Connection, MapGroup, Node, Wire, suggest};
+use crate::pipeline::error::Problem;
+use crate::pipeline::stage::{Arity, Port};
+
+/// What a reference leads to.
+#[derive(Debug, Clone)]
+enum Fed {
+    One(usize),
+    Many(Arc<[usize]>),
+}
+
+/// Builds the nodes of all maps and stages.
+pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), Vec<Problem>> {
+    let order = order(&declared.stages)?;
+    let mut graph = Graph { groups: Vec::new(), nodes: Vec::new(), outputs: BTreeMap::new() };
+    let maps: Arc<str> = Arc::from("maps");
+    for group in declared.groups {
+        let first = graph.nodes.len();
+        for map in group.maps {
+            graph.nodes.push(Node {
+                name: format!("maps/{}", map.name),
+                stage_name: Arc::clone(&maps),
+                member: Some(Arc::from(map.name)),
+                spec: map.spec,
+                stage: map.stage,
+                inputs: Vec::new(),
+            });
+        }
+        graph.groups.push(MapGroup { name: group.name, members: (first..graph.nodes.len()).collect() });
+    }
+    let all: Arc<[usize]> = (0..graph.nodes.len()).collect();
+    graph.outputs.insert(String::new(), Fed::Many(all));
+
+    let mut problems = Vec::new();
+    let mut faulty = BTreeSet::new();
+    for index in order {
+        let stage = &declared.stages[index];
+        let after_faulty = stage.ports.iter().any(|(_, reference)| match &reference.target {
+            Target::Stage(name) => faulty.contains(name.as_str()),
+            Target::Maps => false,
+        });
+        let outcome = if after_faulty { Err(Vec::new()) } else { graph.add(stage) };
+        if let Err(more) = outcome {
+            faulty.insert(stage.name.as_str());
+            problems.extend(more);
+        }
+    }
+    if problems.is_empty() { Ok((graph.groups, graph.nodes)) } else { Err(problems) }
+}
+
+/// Returns the uses so that each stands after those that it refers to, otherwise in order of the file.
+fn order(stages: &[Use]) -> Result<Vec<usize>, Vec<Problem>> {
+    let mut problems = Vec::new();
+    let names: BTreeMap<&str, usize> =
+        stages.iter().enumerate().map(|(index, stage)| (stage.name.as_str(), index)).collect();
+    let mut reads = vec![Vec::new(); stages.len()];
+    for (index, stage) in stages.iter().enumerate() {
+        for (_, reference) in &stage.ports {
+            let Target::Stage(name) = &reference.target else { continue };
+            match names.get(name.as_str()) {
+                Some(target) => reads[index].push((*target, reference)),
+                None => problems.push(unknown_stage(name, reference, stages)),
+            }
+        }
+    }
+    if !problems.is_empty() {
+        return Err(problems);
+    }
+    let mut search =
+        Search { stages, reads: &reads, state: vec![State::New; stages.len()], path: Vec::new(), done: Vec::new() };
+    for index in 0..stages.len() {
+        search.visit(index).map_err(|problem| vec![problem])?;
+    }
+    Ok(search.done)
+}
+
+fn unknown_stage(name: &str, reference: &Reference, stages: &[Use]) -> Problem {
+    let problem = Problem::new(reference.span, format!("the pipeline has no stage `{name}`"));
+    if name == "maps" {
+        return problem.with_help("did you mean `$maps`?");
+    }
+    problem.with_help_from(suggest::help(name, stages.iter().map(|stage| stage.name.as_str())))
+}
+
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum State {
+    New,
+    Open,
+    Done,
+}
+
+/// A depth-first search that remembers its path, to name a cycle.
+struct Search<'a> {
+    stages: &'a [Use],
+    reads: &'a [Vec<(usize, &'a Reference)>],
+    state: Vec<State>,
+    path: Vec<usize>,
+    done: Vec<usize>,
+}
+
+impl Search<'_> {
+    fn visit(&mut self, index: usize) -> Result<(), Problem> {
+        if self.state[index] == State::Done {
+            return Ok(());
+        }
+        self.state[index] = State::Open;
+        self.path.push(index);
+        for (target, reference) in &self.reads[index] {
+            if self.state[*target] == State::Open {
+                return Err(self.cycle(*target, reference));
+            }
+            self.visit(*target)?;
+        }
+        self.path.pop();
+        self.state[index] = State::Done;
+        self.done.push(index);
+        Ok(())
+    }
+
+    fn cycle(&self, target: usize, reference: &Reference) -> Problem {
+        let start = self.path.iter().position(|index| *index == target).expect("an open stage is on the path");
+        let chain: Vec<String> =
+            self.path[start..].iter().chain([&target]).map(|index| format!("`{}`", self.stages[*index].name)).collect();
+        if chain.len() == 2 {
+            return Problem::new(reference.span, format!("{} reads itself", chain[0]));
+        }
+        Problem::new(reference.span, "stages read each other in a cycle")
+            .with_label("this closes the cycle")
+            .with_context(self.stages[target].name_span, "it starts here")
+            .with_help(format!("each of these reads the next: {}", chain.join(" → ")))
+    }
+}
+
+struct Graph {
+    groups: Vec<MapGroup>,
+    nodes: Vec<Node>,
+    /// What each stage makes; the maps stand under the empty name.
+    outputs: BTreeMap<String, Fed>,
+}
+
+impl Graph {
+    /// Adds the nodes of a use.
+    fn add(&mut self, stage: &Use) -> Result<(), Vec<Problem>> {
+        let mut problems = Vec::new();
+        let mut fed = Vec::new();
+        for (port, reference) in &stage.ports {
+            let found = self.follow(reference).and_then(|found| {
+                self.check_kind(port, reference, &found)?;
+                check_arity(port, reference, &found)?;
+                Ok(found)
+            });
+            match found {
+                Ok(found) => fed.push((*port, reference, found)),
+                Err(problem) => problems.push(problem),
+            }
+        }
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        self.check_members(stage, &fed, true).map_err(|problem| vec![problem])?;
+        let over = self.check_members(stage, &fed, false).map_err(|problem| vec![problem])?;
+        let output = match over {
+            None => Fed::One(self.push(stage, None, &fed)),
+            Some(members) => {
+                let names: Vec<_> = members.iter().map(|member| self.nodes[*member].member.clone()).collect();
+                let lookups: Vec<_> = fed.iter().map(|(port, _, found)| self.by_member(port, found)).collect();
+                let nodes = names.into_iter().map(|name| {
+                    let fed = fed.iter().zip(&lookups).map(|((port, reference, found), lookup)| {
+                        let found = match (lookup, &name) {
+                            (Some(lookup), Some(name)) => Fed::One(lookup[name]),
+                            _ => found.clone(),
+                        };
+                        (*port, *reference, found)
+                    });
+                    let fed: Vec<_> = fed.collect();
+                    self.push(stage, name, &fed)
+                });
+                Fed::Many(nodes.collect())
+            }
+        };
+        self.outputs.insert(stage.name.clone(), output);
+        Ok(())
+    }
+
+    /// Returns the members of a group, by their names, at a port that takes one of them at a time.
+    fn by_member(&self, port: &Port, found: &Fed) -> Option<BTreeMap<Arc<str>, usize>> {
+        let (false, Fed::Many(members)) = (port.arity == Arity::Group, found) else { return None };
+        Some(members.iter().filter_map(|member| Some((self.nodes[*member].member.clone()?, *member))).collect())
+    }
+
+    fn push(&mut self, stage: &Use, member: Option<Arc<str>>, fed: &[(&'static Port, &Reference, Fed)]) -> usize {
+        let connect = |(port, _, found): &(&'static Port, &Reference, Fed)| Connection {
+            port: port.name,
+            wire: match found {
+                Fed::One(node) => Wire::One(*node),
+                Fed::Many(nodes) => Wire::Group(Arc::clone(nodes)),
+            },
+        };
+        let name = match &member {
+            Some(member) => format!("{}/{member}", stage.name),
+            None => stage.name.clone(),
+        };
+        self.nodes.push(Node {
+            name,
+            stage_name: Arc::from(stage.name.as_str()),
+            member,
+            spec: stage.entry.spec,
+            stage: Arc::clone(&stage.stage),
+            inputs: fed.iter().map(connect).collect(),
+        });
+        self.nodes.len() - 1
+    }
+
+    /// Returns what a reference leads to, restricted to its group.
+    fn follow(&self, reference: &Reference) -> Result<Fed, Problem> {
+        let name = match &reference.target {
+            Target::Maps => "",
+            Target::Stage(name) => name,
+        };
+        let output = &self.outputs[name];
+        let Some(group) = &reference.group else {
+            return match output {
+                Fed::Many(members) if members.is_empty() => {
+                    Err(Problem::new(reference.span, "the pipeline has no maps").with_help("add `maps: { GROUP: … }`"))
+                }
+                _ => Ok(output.clone()),
+            };
+        };
+        let Some(group) = self.groups.iter().find(|have| have.name == *group) else {
+            return Err(Problem::new(reference.span, format!("there is no group of maps `{group}`"))
+                .with_help_from(suggest::help(group, self.groups.iter().map(|group| group.name.as_str()))));
+        };
+        let Fed::Many(members) = output else {
+            let message = format!("`{name}` makes one artifact: it has no group `{}`", group.name);
+            return Err(Problem::new(reference.span, message).with_help(format!("write `{name}`")));
+        };
+        let have: BTreeMap<_, _> = members.iter().map(|member| (&self.nodes[*member].member, *member)).collect();
+        let restricted: Result<Arc<[usize]>, Problem> = group
+            .members
+            .iter()
+            .map(|map| {
+                let map = &self.nodes[*map].member;
+                have.get(map).copied().ok_or_else(|| {
+                    let map = map.as_deref().unwrap_or_default();
+                    let message = format!("`{name}` has no `{map}`, which is in group `{}`", group.name);
+                    let help = format!("`{name}` is made for {}", self.describe(members));
+                    Problem::new(reference.span, message).with_help(help)
+                })
+            })
+            .collect();
+        restricted.map(Fed::Many)
+    }
+
+    fn check_kind(&self, port: &Port, reference: &Reference, found: &Fed) -> Result<(), Problem> {
+        let mut nodes = match found {
+            Fed::One(node) => std::slice::from_ref(node).iter(),
+            Fed::Many(nodes) => nodes.iter(),
+        };
+        let Some(wrong) = nodes.find(|node| self.nodes[**node].spec.output.name != port.kind) else { return Ok(()) };
+        let kind = self.nodes[*wrong].spec.output.name;
+        let mut fitting: Vec<String> = Vec::new();
+        for node in self.nodes.iter().filter(|node| node.spec.output.name == port.kind) {
+            let name = if &*node.stage_name == "maps" { "$maps" } else { &*node.stage_name };
+            if fitting.last().is_none_or(|last| last != name) {
+                fitting.push(name.to_owned());
+            }
+        }
+        let help = (!fitting.is_empty())
+            .then(|| {
+                format!(
+                    "{} made by {}",
+                    port.kind,
+                    fitting.iter().map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ")
+                )
+            })
+            .map(|list| list.replacen(" made by", " is made by", 1));
+        let message = format!("port `{}` takes {}, but `{reference}` is {kind}", port.name, port.kind);
+        Err(Problem::new(reference.span, message).with_help_from(help))
+    }
+
+    /// Makes sure that all groups at ports that take them whole, or all at the others, have the same members, and returns
+    /// those of the first.
+    fn check_members(
+        &self,
+        stage: &Use,
+        fed: &[(&'static Port, &Reference, Fed)],
+        whole: bool,
+    ) -> Result<Option<Arc<[usize]>>, Problem> {
+        let mut groups = fed.iter().filter_map(|(port, reference, found)| match found {
+            Fed::Many(members) if (port.arity == Arity::Group) == whole => Some((*reference, members)),
+            _ => None,
+        });
+        let Some((first, members)) = groups.next() else { return Ok(None) };
+        let expected = self.names(members);
+        for (reference, others) in groups {
+            let found = self.names(others);
+            if found == expected {
+                continue;
+            }
+            let problem = Problem::new(
+                reference.span,
+                format!("`{first}` and `{reference}` do not hold the same maps, and `{}` needs pairs", stage.name),
+            )
+            .with_label(self.describe(others))
+            .with_context(first.span, self.describe(members));
+            let advice =
+                self.restriction(reference, &found, &expected).or_else(|| self.restriction(first, &expected, &found));
+            return Err(problem.with_help_from(advice.map(|name| format!("did you mean `{name}`?"))));
+        }
+        Ok(Some(Arc::clone(members)))
+    }
+
+    fn names(&self, members: &[usize]) -> BTreeSet<&str> {
+        members.iter().filter_map(|member| self.nodes[*member].member.as_deref()).collect()
+    }
+
+    /// Returns the reference restricted to the group that makes it hold what is expected.
+    fn restriction(&self, reference: &Reference, have: &BTreeSet<&str>, expected: &BTreeSet<&str>) -> Option<String> {
+        let group = self.groups.iter().find(|group| self.names(&group.members) == *expected)?;
+        let restricted = Reference { group: Some(group.name.clone()), ..reference.clone() };
+        expected.is_subset(have).then(|| restricted.to_string())
+    }
+
+    /// Names members for people: by their group if they are one, else by the first ones.
+    fn describe(&self, members: &[usize]) -> String {
+        let names = self.names(members);
+        if let Some(group) = self.groups.iter().find(|group| self.names(&group.members) == names) {
+            return format!("the maps of group `{}`", group.name);
+        }
+        let maps = self.nodes.iter().filter(|node| &*node.stage_name == "maps").count();
+        if names.len() == maps {
+            return format!("all {maps} maps");
+        }
+        let shown: Vec<String> = names.iter().take(4).map(|name| format!("`{name}`")).collect();
+        let more = if names.len() > shown.len() { " and more" } else { "" };
+        format!("the maps {}{more}", shown.join(", "))
+    }
+}
+
+fn check_arity(port: &Port, reference: &Reference, found: &Fed) -> Result<(), Problem> {
+    match (port.arity, found) {
+        (Arity::Group, Fed::One(_)) => {
+            let message = format!("port `{}` takes a whole group, but `{reference}` makes one artifact", port.name);
+            Err(Problem::new(reference.span, message))
+        }
+        _ => Ok(()),
+    }
+}

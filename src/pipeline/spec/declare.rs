@@ -1,0 +1,293 @@
+//! Reads what the file declares: seed, maps, and stages with their parameters; references are not followed yet.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::reference::Reference;
+use super::tree::{Data, Member, Tree, object};
+use super::{Request, parameters, suggest};
+use crate::pipeline::error::{Problem, Span};
+use crate::pipeline::stage::{Arity, Division, Entry, MapNode, MapSource, ParameterError, Port, Register, Stage};
+
+const KEYS: [&str; 4] = ["name", "seed", "maps", "stages"];
+
+/// What the file declares.
+pub(super) struct Declared {
+    pub name: Option<String>,
+    pub seed: u64,
+    pub groups: Vec<Group>,
+    pub stages: Vec<Use>,
+}
+
+/// A group of maps.
+pub(super) struct Group {
+    pub name: String,
+    pub maps: Vec<MapNode>,
+}
+
+/// A use of a stage.
+pub(super) struct Use {
+    pub name: String,
+    pub name_span: Span,
+    pub entry: &'static Entry,
+    pub stage: Arc<dyn Stage>,
+    /// One reference for each connected port, in order of the ports.
+    pub ports: Vec<(&'static Port, Reference)>,
+}
+
+/// Reads the declarations; all problems are reported together.
+pub(super) fn read(tree: &Tree, request: &Request) -> Result<Declared, Vec<Problem>> {
+    let Some(members) = tree.members() else {
+        let message = format!("a pipeline file is a mapping, not {}", tree.type_name());
+        return Err(vec![Problem::new(tree.span, message).with_help("`trodden init` writes one to start from")]);
+    };
+    let mut problems = Vec::new();
+    for member in members.iter().filter(|member| !KEYS.contains(&member.key.as_str())) {
+        if !member.value.anchored && !member.key.starts_with("x-") {
+            problems.push(unknown_key(member));
+        }
+    }
+    let name = tree.get("name").and_then(|member| keep(read_name(member), &mut problems));
+    let seed = tree.get("seed").and_then(|member| keep(read_seed(&member.value), &mut problems)).unwrap_or(0);
+    let folder = request.file.parent().unwrap_or_else(|| Path::new(""));
+    let groups = match tree.get("maps") {
+        Some(member) => read_maps(&member.value, folder, request.register, &mut problems),
+        None => Vec::new(),
+    };
+    let stages = match tree.get("stages") {
+        Some(member) => read_stages(&member.value, request.register, &mut problems),
+        // A key that is probably `stages` misspelt says enough.
+        None if problems.is_empty() => {
+            problems.push(Problem::new(start_of(tree.span), "the file has no `stages:`"));
+            Vec::new()
+        }
+        None => Vec::new(),
+    };
+    if problems.is_empty() { Ok(Declared { name, seed, groups, stages }) } else { Err(problems) }
+}
+
+fn start_of(span: Span) -> Span {
+    Span { end: span.start, ..span }
+}
+
+fn keep<T>(result: Result<T, Problem>, problems: &mut Vec<Problem>) -> Option<T> {
+    result.map_err(|problem| problems.push(problem)).ok()
+}
+
+fn unknown_key(member: &Member) -> Problem {
+    let help = match suggest::closest(&member.key, KEYS.into_iter()) {
+        Some(key) => format!("did you mean `{key}`?"),
+        None => format!("other keys may hold anchors for use elsewhere: `{0}: &{0} {{ … }}`", member.key),
+    };
+    Problem::new(member.key_span, format!("a pipeline has no key `{}`", member.key)).with_help(help)
+}
+
+fn read_name(member: &Member) -> Result<String, Problem> {
+    match &member.value.data {
+        Data::Text(name) if is_name(name) => Ok(name.clone()),
+        _ => Err(Problem::new(member.value.span, "`name` is a word of letters, digits, `-` and `_`")),
+    }
+}
+
+fn read_seed(value: &Tree) -> Result<u64, Problem> {
+    let seed = match &value.data {
+        Data::Number(number) => number.as_u64(),
+        _ => None,
+    };
+    seed.ok_or_else(|| Problem::new(value.span, "`seed` is a whole number from 0 to 18446744073709551615"))
+}
+
+/// Tells whether a text can name a stage or a group: references and node names split at dots and slashes.
+fn is_name(text: &str) -> bool {
+    let mut bytes = text.bytes();
+    bytes.next().is_some_and(|first| first.is_ascii_alphabetic() || first == b'_')
+        && bytes.all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'-'))
+}
+
+fn check_name(member: &Member, what: &str, problems: &mut Vec<Problem>) {
+    if !is_name(&member.key) {
+        let message = format!("`{}` cannot be the name of a {what}", member.key);
+        let help = "start with a letter; letters, digits, `-` and `_` may follow";
+        problems.push(Problem::new(member.key_span, message).with_help(help));
+    }
+}
+
+fn mapping<'a>(value: &'a Tree, what: &str, problems: &mut Vec<Problem>) -> &'a [Member] {
+    value.members().unwrap_or_else(|| {
+        problems.push(Problem::new(value.span, format!("{what} is a mapping, not {}", value.type_name())));
+        &[]
+    })
+}
+
+fn read_maps(value: &Tree, folder: &Path, register: &Register, problems: &mut Vec<Problem>) -> Vec<Group> {
+    let mut groups = Vec::new();
+    let mut seen = BTreeMap::<String, Span>::new();
+    for member in mapping(value, "`maps`", problems) {
+        check_name(member, "group of maps", problems);
+        let before = problems.len();
+        let mut maps = Vec::new();
+        let entries = match &member.value.data {
+            Data::Sequence(items) => items.iter().collect(),
+            _ => vec![&member.value],
+        };
+        for entry in entries {
+            for source in mapping(entry, &format!("group `{}`", member.key), problems) {
+                for map in expand(source, folder, register, problems) {
+                    if let Some(first) = seen.insert(map.name.clone(), source.key_span) {
+                        let problem = Problem::new(source.key_span, format!("two maps are called `{}`", map.name));
+                        let first = (first != source.key_span).then_some(first);
+                        problems.push(match first {
+                            Some(first) => problem.with_label("again here").with_context(first, "first here"),
+                            None => problem.with_label("both are here"),
+                        });
+                    }
+                    maps.push(map);
+                }
+            }
+        }
+        if maps.is_empty() && problems.len() == before {
+            let message = format!("group `{}` has no maps", member.key);
+            problems.push(Problem::new(member.value.span, message));
+        }
+        groups.push(Group { name: member.key.clone(), maps });
+    }
+    groups
+}
+
+/// Expands one source of maps; of several maps of one name in it, one is reported.
+fn expand(member: &Member, folder: &Path, register: &Register, problems: &mut Vec<Problem>) -> Vec<MapNode> {
+    let Some(source) = register.maps.iter().find(|source| source.name == member.key) else {
+        let message = format!("there is no source of maps called `{}`", member.key);
+        let help = suggest::help(&member.key, register.maps.iter().map(|source| source.name));
+        problems.push(Problem::new(member.key_span, message).with_help_from(help));
+        return Vec::new();
+    };
+    match (source.expand)(&member.value.to_json(), folder) {
+        Ok(maps) => maps,
+        Err(error) => {
+            problems.extend(explain_source(source, member, folder, error));
+            Vec::new()
+        }
+    }
+}
+
+fn explain_source(source: &MapSource, member: &Member, folder: &Path, error: ParameterError) -> Vec<Problem> {
+    match member.value.members() {
+        Some(members) => {
+            let members: Vec<&Member> = members.iter().collect();
+            let parse = |value: &Value| (source.expand)(value, folder).map(drop);
+            let refused =
+                parameters::Refused { members: &members, at: member.value.span, owner: source.name, ports: &[] };
+            refused.explain(&(source.schema)(), &parse, error)
+        }
+        None => {
+            let span = member.value.locate(&error.path);
+            vec![Problem::new(span, error.message).with_help_from(error.help)]
+        }
+    }
+}
+
+fn read_stages(value: &Tree, register: &Register, problems: &mut Vec<Problem>) -> Vec<Use> {
+    let members = mapping(value, "`stages`", problems);
+    members.iter().filter_map(|member| read_stage(member, register, problems)).collect()
+}
+
+fn read_stage(member: &Member, register: &Register, problems: &mut Vec<Problem>) -> Option<Use> {
+    check_name(member, "stage", problems);
+    if member.key == "maps" {
+        let help = "it would be mistaken for the maps themselves";
+        problems.push(Problem::new(member.key_span, "a stage cannot be called `maps`").with_help(help));
+    }
+    let Some(settings) = member.value.members() else {
+        let message = format!("stage `{}` is a mapping, not {}", member.key, member.value.type_name());
+        let help = format!("write `{}: {{ use: STAGE, … }}`", member.key);
+        problems.push(Problem::new(member.value.span, message).with_help(help));
+        return None;
+    };
+    let entry = keep(read_use(member, settings, register), problems)?;
+    let stage = read_parameters(member, settings, entry, problems);
+    let ports = read_ports(member, settings, entry, problems);
+    let stage = stage?;
+    let empty = match stage.division() {
+        Division::Chunks(0) => Some("chunks"),
+        Division::Chain(0) => Some("steps"),
+        _ => None,
+    };
+    if let Some(parts) = empty {
+        problems.push(Problem::new(member.key_span, format!("`{}` would have no {parts}", member.key)));
+    }
+    Some(Use { name: member.key.clone(), name_span: member.key_span, entry, stage, ports: ports? })
+}
+
+fn read_use(member: &Member, settings: &[Member], register: &Register) -> Result<&'static Entry, Problem> {
+    let Some(verb) = settings.iter().find(|setting| setting.key == "use") else {
+        let message = format!("`{}` does not say which stage it uses", member.key);
+        return Err(Problem::new(member.key_span, message).with_help("add `use: STAGE`"));
+    };
+    let Data::Text(name) = &verb.value.data else {
+        let message = format!("`use` takes the name of a stage, not {}", verb.value.type_name());
+        return Err(Problem::new(verb.value.span, message));
+    };
+    register.stages.iter().find(|entry| entry.spec.name == name).ok_or_else(|| {
+        Problem::new(verb.value.span, format!("there is no stage `{name}`"))
+            .with_help_from(suggest::help(name, register.stages.iter().map(|entry| entry.spec.name)))
+    })
+}
+
+/// Reads what the ports are connected to; `None` if one is missing or not understood.
+fn read_ports(
+    member: &Member,
+    settings: &[Member],
+    entry: &'static Entry,
+    problems: &mut Vec<Problem>,
+) -> Option<Vec<(&'static Port, Reference)>> {
+    let (mut ports, mut complete) = (Vec::new(), true);
+    for port in entry.spec.ports {
+        match settings.iter().find(|setting| setting.key == port.name) {
+            Some(setting) => {
+                let reference = keep(Reference::read(port.name, &setting.value), problems);
+                complete &= reference.is_some();
+                ports.extend(reference.map(|reference| (port, reference)));
+            }
+            None if port.arity == Arity::Optional => {}
+            None => {
+                // A key that is no parameter, but almost this port, has been told of.
+                let misspelt = settings.iter().any(|setting| {
+                    let close = suggest::closest(&setting.key, std::iter::once(port.name)).is_some();
+                    close && problems.iter().any(|problem| problem.span == setting.key_span)
+                });
+                if !misspelt {
+                    let message = format!("port `{}` of `{}` is not connected", port.name, member.key);
+                    let help = format!("`{}` takes {} here: add `{}: …`", entry.spec.name, port.kind, port.name);
+                    problems.push(Problem::new(member.key_span, message).with_help(help));
+                    complete = false;
+                }
+            }
+        }
+    }
+    complete.then_some(ports)
+}
+
+fn read_parameters(
+    member: &Member,
+    settings: &[Member],
+    entry: &'static Entry,
+    problems: &mut Vec<Problem>,
+) -> Option<Arc<dyn Stage>> {
+    let ports: Vec<&str> = entry.spec.ports.iter().map(|port| port.name).collect();
+    let own: Vec<&Member> =
+        settings.iter().filter(|setting| setting.key != "use" && !ports.contains(&setting.key.as_str())).collect();
+    match (entry.parse)(&object(own.iter().copied())) {
+        Ok(stage) => Some(stage),
+        Err(error) => {
+            let schema = (entry.schema)();
+            let parse = |value: &Value| (entry.parse)(value).map(drop);
+            let refused = parameters::Refused { members: &own, at: member.key_span, owner: &member.key, ports: &ports };
+            problems.extend(refused.explain(&schema, &parse, error));
+            None
+        }
+    }
+}

@@ -1,0 +1,171 @@
+//! The sources of maps that a pipeline file may name under `maps:`.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::generate_map::{self, GenerateMap};
+use super::import_map::{self, ImportMap, Origin};
+use super::{parse, schema};
+use crate::domain::homes::{HomeConfig, HomeKind};
+use crate::domain::map::ImportConfig;
+use crate::pipeline::stage::{MapNode, MapSource, ParameterError, StageError};
+
+/// All sources.
+pub const SOURCES: &[MapSource] = &[
+    MapSource {
+        name: "homes",
+        doc: "Generated homes `home_00`, `home_01`, …",
+        expand: |value, _| generated(value, HomeKind::Home, "home"),
+        schema: generated_schema,
+    },
+    MapSource {
+        name: "offices",
+        doc: "Generated offices `office_00`, `office_01`, …",
+        expand: |value, _| generated(value, HomeKind::Office, "office"),
+        schema: generated_schema,
+    },
+    MapSource {
+        name: "files",
+        doc: "Maps of ROS `map_server` (their YAML files) and plain images, by path or glob.",
+        expand: files,
+        schema: files_schema,
+    },
+    MapSource {
+        name: "igibson",
+        doc: "Folders of iGibson scenes, by path or glob.",
+        expand: files,
+        schema: files_schema,
+    },
+];
+
+/// Which maps of a series to generate.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+struct Series {
+    /// How many.
+    #[schemars(range(min = 1, max = 100_000))]
+    count: u32,
+    /// Number of the first one; the number decides what is drawn.
+    #[serde(default)]
+    first: u32,
+}
+
+fn generated(value: &Value, of: HomeKind, prefix: &str) -> Result<Vec<MapNode>, ParameterError> {
+    let Value::Object(fields) = value else {
+        return Err(refused_here(format!("expected `{{ count: 12 }}`, found `{value}`")));
+    };
+    let (series, rest): (Vec<_>, Vec<_>) =
+        fields.clone().into_iter().partition(|(key, _)| key == "count" || key == "first");
+    let series: Series = parse(&Value::Object(series.into_iter().collect()))?;
+    let mut config: HomeConfig = parse(&Value::Object(rest.into_iter().collect()))?;
+    config.kind = of;
+    config.check().map_err(|error| super::refused_setting(&error))?;
+    if !(1..=100_000).contains(&series.count) {
+        return Err(super::refused("count", format!("`count` is {}, allowed are 1 to 100,000", series.count)));
+    }
+    let last = series.first.checked_add(series.count).ok_or_else(|| super::refused("first", "`first` is too large"))?;
+    let node = |number: u32| MapNode {
+        name: format!("{prefix}_{number:02}"),
+        spec: &generate_map::SPEC,
+        stage: Arc::new(GenerateMap::new(number, config.clone())),
+    };
+    Ok((series.first..last).map(node).collect())
+}
+
+fn generated_schema() -> Value {
+    let (mut whole, series) = (schema::<HomeConfig>(), schema::<Series>());
+    if let Some(properties) = whole.get_mut("properties").and_then(Value::as_object_mut) {
+        // The key of the source says which kind it is.
+        properties.remove("kind");
+        properties.extend(series["properties"].as_object().cloned().unwrap_or_default());
+    }
+    whole["required"] = serde_json::json!(["count"]);
+    whole
+}
+
+/// One path, many, or paths with the way to read them.
+fn files(value: &Value, folder: &Path) -> Result<Vec<MapNode>, ParameterError> {
+    let (paths, config) = match value {
+        Value::Object(object) => {
+            let mut rest = object.clone();
+            let paths = rest.remove("paths").ok_or_else(|| super::refused("paths", "`paths` is missing"))?;
+            (paths, parse::<ImportConfig>(&Value::Object(rest))?)
+        }
+        other => (other.clone(), ImportConfig::default()),
+    };
+    config.check().map_err(|error| super::refused_setting(&error))?;
+    let patterns: Vec<String> = match paths {
+        Value::String(path) => vec![path],
+        Value::Array(_) => parse(&paths)?,
+        other => {
+            return Err(refused_here(format!("expected a path, a list of paths or `{{ paths: … }}`, found `{other}`")));
+        }
+    };
+    let mut nodes = Vec::new();
+    for (at, pattern) in patterns.iter().enumerate() {
+        for path in matching(pattern, folder).map_err(|message| placed(at, value, message, None))? {
+            let origin = Origin::of(&path);
+            let name = origin.map_name();
+            let stage = ImportMap::new(origin, config.clone()).map_err(|error| refused_file(at, value, error))?;
+            nodes.push(MapNode { name, spec: &import_map::SPEC, stage: Arc::new(stage) });
+        }
+    }
+    Ok(nodes)
+}
+
+/// The paths that a pattern stands for, in order; without a wildcard it is the path itself.
+fn matching(pattern: &str, folder: &Path) -> Result<Vec<PathBuf>, String> {
+    let full = folder.join(pattern);
+    if !pattern.contains(['*', '?', '[']) {
+        return Ok(vec![full]);
+    }
+    let paths = glob::glob(&full.to_string_lossy()).map_err(|error| format!("`{pattern}` is no pattern: {error}"))?;
+    let mut found: Vec<PathBuf> = paths.filter_map(Result::ok).collect();
+    found.sort();
+    if found.is_empty() { Err(format!("no file matches `{}`", full.display())) } else { Ok(found) }
+}
+
+fn refused_here(message: String) -> ParameterError {
+    ParameterError { path: Vec::new(), message, help: None }
+}
+
+/// A refusal of the path at position `at`, wherever the list of paths stands.
+fn placed(at: usize, value: &Value, message: String, help: Option<String>) -> ParameterError {
+    let (mut path, list) = match value {
+        Value::Object(object) => (vec!["paths".to_owned()], object.get("paths").is_some_and(Value::is_array)),
+        other => (Vec::new(), other.is_array()),
+    };
+    if list {
+        path.push(at.to_string());
+    }
+    ParameterError { path, message, help }
+}
+
+fn refused_file(at: usize, value: &Value, error: StageError) -> ParameterError {
+    match error {
+        StageError::Source { path, source } => {
+            let help = "relative paths start at the folder of the pipeline file".to_owned();
+            placed(at, value, format!("failed to read `{}`: {source}", path.display()), Some(help))
+        }
+        StageError::Failed { message, help, .. } => placed(at, value, message, help),
+        other => placed(at, value, other.to_string(), None),
+    }
+}
+
+fn files_schema() -> Value {
+    let mut object = schema::<ImportConfig>();
+    let paths = serde_json::json!({
+        "description": "A path or glob, or a list of them; relative ones start at the folder of the pipeline file.",
+        "anyOf": [{ "type": "string" }, { "type": "array", "items": { "type": "string" } }],
+    });
+    let options = object.as_object_mut().expect("the schema of a structure");
+    options.remove("$schema");
+    if let Some(properties) = options.get_mut("properties").and_then(Value::as_object_mut) {
+        properties.insert("paths".to_owned(), paths.clone());
+    }
+    options.insert("required".to_owned(), serde_json::json!(["paths"]));
+    serde_json::json!({ "anyOf": [paths["anyOf"][0].clone(), paths["anyOf"][1].clone(), object] })
+}

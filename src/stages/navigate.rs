@@ -1,0 +1,103 @@
+//! `navigate`: a robot on its way among people.
+
+use rayon::prelude::*;
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Definition, kind, read, refused, write};
+use crate::domain::crowd::{CrowdConfig, CrowdError, NavConfig, NavEpisode, Robot, Scene};
+use crate::domain::map::OccupancyMap;
+use crate::kinds::{NavEpisodes, NavSample, Placed};
+use crate::pipeline::stage::{
+    Arity, Context, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+};
+
+/// Parameters of `navigate`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct Navigate {
+    /// Number of episodes on each map.
+    #[serde(default = "episodes")]
+    #[schemars(range(min = 1, max = 100_000))]
+    episodes: u32,
+    /// Whether the pedestrians see the robot.
+    #[serde(default)]
+    robot: Robot,
+    /// Steps of every robot path; episodes whose path is shorter are drawn again.
+    #[serde(default = "steps")]
+    #[schemars(range(min = 1, max = 100_000))]
+    steps: usize,
+    #[serde(flatten)]
+    crowd: CrowdConfig,
+}
+
+const fn episodes() -> u32 {
+    70
+}
+
+fn steps() -> usize {
+    NavConfig::default().steps
+}
+
+impl Navigate {
+    const fn nav(&self) -> NavConfig {
+        NavConfig { robot: self.robot, steps: self.steps }
+    }
+}
+
+impl Definition for Navigate {
+    const SPEC: StageSpec = StageSpec {
+        name: "navigate",
+        version: 1,
+        ports: &[Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to walk on." }],
+        output: kind::<Placed<NavEpisodes>>(),
+        seeded: true,
+        doc: "Simulates episodes of one robot among more than four pedestrians (sections III and V-B).",
+    };
+
+    fn check(&self) -> Result<(), ParameterError> {
+        if !(1..=100_000).contains(&self.episodes) {
+            return Err(refused("episodes", format!("`episodes` is {}, allowed are 1 to 100,000", self.episodes)));
+        }
+        self.nav().check().map_err(|error| super::refused_setting(&error))?;
+        self.crowd.check().map_err(|error| super::refused_setting(&error))
+    }
+}
+
+impl Stage for Navigate {
+    fn parameters(&self) -> Value {
+        super::to_json(self)
+    }
+
+    fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+        let (map, digest): (OccupancyMap, _) = read(context, inputs.one("map"))?;
+        let scene = Scene::new(&map, &self.crowd).map_err(StageError::failed)?;
+        let done = std::sync::atomic::AtomicU64::new(0);
+        let episode = |number: u32| -> Result<NavEpisode, StageError> {
+            if (context.cancelled)() {
+                return Err(StageError::Cancelled);
+            }
+            let episode =
+                scene.navigation_episode(context.seed, digest.as_bytes(), number, &self.nav()).map_err(failed)?;
+            (context.progress)(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, self.episodes.into());
+            Ok(episode)
+        };
+        let episodes: Vec<NavEpisode> =
+            (0..self.episodes).into_par_iter().map(episode).collect::<Result<_, StageError>>()?;
+        let sample = |robot: i64| move |sample| NavSample { sample, robot: sample.id == robot };
+        let samples =
+            episodes.into_iter().flat_map(|episode| episode.samples.into_iter().map(sample(episode.robot))).collect();
+        let frame_rate = 1.0 / self.crowd.time_step;
+        write(context, &Placed::new(*map.frame(), NavEpisodes { frame_rate, samples }))
+    }
+}
+
+fn failed(error: CrowdError) -> StageError {
+    match error {
+        CrowdError::ShortRobotPaths { .. } => {
+            StageError::failed(error).with_help("lower `steps`: the map is too small for paths of that length")
+        }
+        error => StageError::failed(error),
+    }
+}

@@ -1,0 +1,88 @@
+//! `rasterize`: where people went, counted by cell.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::{Value, json};
+
+use super::{Definition, kind, read, write};
+use crate::domain::map::OccupancyMap;
+use crate::domain::raster::{RasterConfig, Rasterizer, VisitCounts};
+use crate::kinds::{Placed, TrackReader};
+use crate::pipeline::stage::{
+    Arity, Context, Division, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+};
+
+/// Parameters of `rasterize`.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct Rasterize(RasterConfig);
+
+impl Definition for Rasterize {
+    const SPEC: StageSpec = StageSpec {
+        name: "rasterize",
+        version: 1,
+        ports: &[
+            Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map that the tracks lie on." },
+            Port { name: "walks", kind: "Trajectories", arity: Arity::One, doc: "The tracks to count." },
+        ],
+        output: kind::<Placed<VisitCounts>>(),
+        seeded: false,
+        doc: "Counts for each free cell the paths whose disc swept it (section IV-A).",
+    };
+
+    fn check(&self) -> Result<(), ParameterError> {
+        self.0.check().map_err(|error| super::refused_setting(&error))
+    }
+}
+
+impl Stage for Rasterize {
+    fn parameters(&self) -> Value {
+        super::to_json(self)
+    }
+
+    fn part_parameters(&self, part: Part) -> Value {
+        if part == Part::Gather { json!({}) } else { self.parameters() }
+    }
+
+    fn division(&self) -> Division {
+        Division::Follows("walks")
+    }
+
+    fn part_ports(&self, part: Part) -> Option<&'static [&'static str]> {
+        (part == Part::Gather).then_some(&[])
+    }
+
+    fn run(&self, part: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+        if part == Part::Gather {
+            return sum(inputs, context);
+        }
+        let (map, _): (OccupancyMap, _) = read(context, inputs.one("map"))?;
+        let mut counter = Rasterizer::new(&map, &self.0).map_err(StageError::failed)?;
+        for chunk in TrackReader::chunks(context.store, inputs.one("walks")) {
+            let chunk = chunk.map_err(super::kind_failed)?;
+            super::same_frame("map", map.frame(), "walks", &chunk.frame)?;
+            for samples in chunk {
+                if (context.cancelled)() {
+                    return Err(StageError::Cancelled);
+                }
+                for sample in &samples.map_err(super::kind_failed)? {
+                    counter.push(sample).map_err(StageError::failed)?;
+                }
+            }
+        }
+        write(context, &Placed::new(*map.frame(), counter.finish()))
+    }
+}
+
+/// Adds the counts of all chunks.
+fn sum(inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+    let mut total: Option<Placed<VisitCounts>> = None;
+    for (_, artifact) in &inputs.parts {
+        let (part, _): (Placed<VisitCounts>, _) = read(context, artifact)?;
+        match &mut total {
+            None => total = Some(part),
+            Some(total) => total.value.add(&part.value).map_err(StageError::failed)?,
+        }
+    }
+    write(context, &total.expect("a divided node has at least one part"))
+}

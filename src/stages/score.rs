@@ -1,0 +1,63 @@
+//! `score`: how well a prediction agrees with what was simulated.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Definition, kind, read, write};
+use crate::domain::quantize::Labels;
+use crate::domain::raster::VisitCounts;
+use crate::domain::score::{ClassScores, Scored, score};
+use crate::kinds::{Heat, Placed};
+use crate::pipeline::stage::{Arity, Context, Inputs, Output, Part, Port, Stage, StageError, StageSpec};
+
+/// Parameters of `score`: there are none.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Score {}
+
+impl Definition for Score {
+    const SPEC: StageSpec = StageSpec {
+        name: "score",
+        version: 1,
+        ports: &[
+            Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "The prediction." },
+            Port { name: "labels", kind: "Labels", arity: Arity::One, doc: "The truth in classes." },
+            Port {
+                name: "visits",
+                kind: "VisitCounts",
+                arity: Arity::Optional,
+                doc: "The truth in counts, for Spearman's correlation.",
+            },
+        ],
+        output: kind::<ClassScores>(),
+        seeded: false,
+        doc: "Scores a prediction against labels: confusion matrix, IoU, recall, kappa, correlations, AUC (section V-A).",
+    };
+}
+
+impl Stage for Score {
+    fn parameters(&self) -> Value {
+        super::to_json(self)
+    }
+
+    fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+        let (heat, _): (Placed<Heat>, _) = read(context, inputs.one("heat"))?;
+        let (labels, _): (Placed<Labels>, _) = read(context, inputs.one("labels"))?;
+        super::same_frame("heat", &heat.frame, "labels", &labels.frame)?;
+        let visits: Option<Placed<VisitCounts>> =
+            inputs.maybe("visits").map(|artifact| read(context, artifact)).transpose()?.map(|(visits, _)| visits);
+        if let Some(visits) = &visits {
+            super::same_frame("heat", &heat.frame, "visits", &visits.frame)?;
+        }
+        let scored = Scored {
+            heat: &heat.value.heat,
+            predicted: &heat.value.classes,
+            labels: &labels.value,
+            visits: visits.as_ref().map(|visits| &visits.value),
+            weights: None,
+        };
+        let scores = score(&scored).map_err(StageError::failed)?;
+        write(context, &scores)
+    }
+}

@@ -1,0 +1,104 @@
+//! `train`: the network learns from windows, epoch by epoch.
+
+use std::collections::BTreeMap;
+use std::ops::ControlFlow;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Definition, compute, kind, read, write};
+use crate::domain::quantize::class_weights;
+use crate::domain::tiles::Tiles;
+use crate::domain::unet::{BatchReport, TrainConfig, Trainer, UnetError};
+use crate::kinds::{Checkpoint, CheckpointConfig};
+use crate::pipeline::stage::{
+    Arity, Context, Division, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+};
+
+/// Parameters of `train`.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(transparent)]
+pub struct Train(TrainConfig);
+
+impl Definition for Train {
+    const SPEC: StageSpec = StageSpec {
+        name: "train",
+        version: 1,
+        ports: &[Port { name: "tiles", kind: "Tiles", arity: Arity::One, doc: "The windows to learn from." }],
+        output: kind::<Checkpoint>(),
+        seeded: true,
+        doc: "Trains the segmentation U-Net (section IV-B, appendix E); each epoch is kept.",
+    };
+
+    fn check(&self) -> Result<(), ParameterError> {
+        self.0.check().map_err(|error| super::refused_setting(&error))?;
+        compute::check(self.0.device)
+    }
+}
+
+impl Stage for Train {
+    fn parameters(&self) -> Value {
+        super::to_json(self)
+    }
+
+    fn part_parameters(&self, part: Part) -> Value {
+        let mut value = self.parameters();
+        if let Part::Step(epoch) = part {
+            let object = value.as_object_mut().expect("parameters are an object");
+            object.remove("epochs");
+            object.insert("epoch".to_owned(), epoch.into());
+        }
+        value
+    }
+
+    fn division(&self) -> Division {
+        Division::Chain(self.0.epochs)
+    }
+
+    fn environment(&self) -> BTreeMap<String, String> {
+        compute::environment(self.0.device)
+    }
+
+    fn needs(&self, _: Part) -> Needs {
+        Needs { memory: 2 << 30, exclusive: true }
+    }
+
+    fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+        let (tiles, _): (Tiles, _) = read(context, inputs.one("tiles"))?;
+        let counts = tiles.class_counts();
+        let weights = class_weights(&counts);
+        let compute = compute::open(self.0.device)?;
+        let (mut trainer, mut metrics) = match &inputs.previous {
+            None => (Trainer::new(&tiles, &weights, &self.0, &compute, context.seed), Vec::new()),
+            Some(previous) => {
+                let (previous, _): (Checkpoint, _) = read(context, previous)?;
+                let trainer = Trainer::resume(&tiles, &weights, &self.0, &compute, context.seed, &previous.state);
+                (trainer, previous.metrics)
+            }
+        };
+        let mut progress = |report: &BatchReport| {
+            (context.progress)(report.batch as u64, report.batches as u64);
+            if (context.cancelled)() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        };
+        let trainer = trainer.as_mut().map_err(|error| failed(error.clone()))?;
+        metrics.push(trainer.epoch(&mut progress).map_err(failed)?);
+        let config = CheckpointConfig {
+            window: u32::try_from(tiles.size).expect("windows are small"),
+            batch: self.0.batch,
+            learning_rate: self.0.learning_rate,
+            counts,
+        };
+        write(context, &Checkpoint { config, state: trainer.state(), metrics })
+    }
+}
+
+fn failed(error: UnetError) -> StageError {
+    match error {
+        UnetError::Cancelled => StageError::Cancelled,
+        error @ UnetError::NotFinite { .. } => {
+            StageError::failed(error).with_help("lower `learning_rate`; the paper's 0.01 is too high for this network")
+        }
+        error => StageError::failed(error),
+    }
+}

@@ -1,0 +1,137 @@
+//! Says what went wrong in the store, and what helps.
+
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::Digest;
+
+/// Why the store could not do what it was asked for.
+#[derive(Debug, thiserror::Error)]
+pub enum StoreError {
+    /// Nothing is there.
+    #[error("there is no store at `{root}`")]
+    NoStore { root: PathBuf },
+    /// The folder belongs to something else.
+    #[error("`{root}` has files in it but is not a store")]
+    NotAStore { root: PathBuf },
+    /// A newer version of the program wrote it.
+    #[error("the store `{root}` was written by a newer version: it has format {found}, this program knows {known}")]
+    Newer { root: PathBuf, found: u64, known: u64 },
+    /// The disk, or the user's share of it, is full.
+    #[error("no space is left on the disk of the store `{root}`")]
+    Full {
+        root: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+    /// The disk or the folder is read-only.
+    #[error("the store `{root}` cannot be written to: `{path}` is read-only or belongs to somebody else")]
+    ReadOnly {
+        root: PathBuf,
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+    /// Any other trouble with a file or folder; `action` is a verb such as `read`.
+    #[error("failed to {action} `{path}`")]
+    Io {
+        action: &'static str,
+        path: PathBuf,
+        #[source]
+        source: io::Error,
+    },
+    /// The bytes of an object are not those that its name promises.
+    #[error("object `{digest:?}` is damaged{}", belonging(nodes))]
+    DamagedObject { digest: Digest, nodes: Vec<String>, aside: Option<PathBuf> },
+    /// An object is not there.
+    #[error("object `{digest:?}` is missing{}", belonging(nodes))]
+    MissingObject { digest: Digest, nodes: Vec<String> },
+    /// A record is no JSON, or not of the shape that this version writes.
+    #[error("`{path}` is not a valid {what}")]
+    Record {
+        what: &'static str,
+        path: PathBuf,
+        #[source]
+        source: serde_json::Error,
+    },
+    /// No run has that id.
+    #[error("no run is called `{id}`")]
+    NoRun { id: String },
+    /// Several runs begin like that.
+    #[error("`{id}` may mean the runs {}", listed(matches))]
+    AmbiguousRun { id: String, matches: Vec<String> },
+    /// A node, part, pipeline or run has a name that cannot be that of a file.
+    #[error("`{name}` cannot be the name of a {what}: it would not be a plain file name")]
+    Name { what: &'static str, name: String },
+    /// Two parts of one bundle have the same name.
+    #[error("two parts of a bundle are called `{name}`")]
+    DuplicatePart { name: String },
+    /// Something that the store did not put there is where a link should be.
+    #[error("`{path}` is in the way of a link")]
+    Occupied { path: PathBuf },
+}
+
+impl StoreError {
+    /// Returns advice for a help line.
+    #[must_use]
+    pub fn help(&self) -> Option<String> {
+        Some(match self {
+            Self::NoStore { .. } => "`trodden run PIPELINE` makes one; `--store DIR` names another".to_owned(),
+            Self::NotAStore { .. } => "name an empty or a new folder with `--store DIR`".to_owned(),
+            Self::Newer { .. } => "use the newer program, or another store with `--store DIR`".to_owned(),
+            Self::Full { .. } => {
+                "free some space, for example with `trodden gc`, or put the store on another disk with `--store DIR`; \
+                 what is finished is kept, the same command goes on from there"
+                    .to_owned()
+            }
+            Self::ReadOnly { .. } => "make it writable, or use another store with `--store DIR`".to_owned(),
+            Self::DamagedObject { aside: Some(path), .. } => {
+                format!("it was set aside as `{}`; the next run makes it again", path.display())
+            }
+            Self::DamagedObject { .. } => "make the store writable, then `trodden verify` sets it aside".to_owned(),
+            Self::MissingObject { .. } => "the next run makes it again".to_owned(),
+            Self::Record { .. } => "`trodden verify` sets damaged records aside".to_owned(),
+            Self::NoRun { .. } => "`trodden ls` lists the runs".to_owned(),
+            Self::AmbiguousRun { .. } => "give more digits".to_owned(),
+            Self::Occupied { .. } => "move it away: the folder `latest` belongs to the store".to_owned(),
+            Self::Io { .. } | Self::Name { .. } | Self::DuplicatePart { .. } => return None,
+        })
+    }
+
+    /// Tells whether the store itself is damaged (exit code 3).
+    #[must_use]
+    pub const fn is_damage(&self) -> bool {
+        matches!(self, Self::DamagedObject { .. } | Self::Record { .. })
+    }
+}
+
+/// Returns a closure that turns an I/O error into the store's, for `map_err`.
+pub(super) fn failed<'a>(
+    root: &'a Path,
+    action: &'static str,
+    path: &'a Path,
+) -> impl FnOnce(io::Error) -> StoreError + 'a {
+    move |source| {
+        let (root, path) = (root.to_path_buf(), path.to_path_buf());
+        match source.kind() {
+            io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => StoreError::Full { root, source },
+            io::ErrorKind::ReadOnlyFilesystem => StoreError::ReadOnly { root, path, source },
+            io::ErrorKind::PermissionDenied if action != "read" => StoreError::ReadOnly { root, path, source },
+            _ => StoreError::Io { action, path, source },
+        }
+    }
+}
+
+fn belonging(nodes: &[String]) -> String {
+    if nodes.is_empty() { ", and no run knows it".to_owned() } else { format!("; it belongs to {}", listed(nodes)) }
+}
+
+/// Joins names in backticks; of many the first ones.
+pub(super) fn listed(names: &[String]) -> String {
+    const SHOWN: usize = 8;
+    let mut text = names.iter().take(SHOWN).map(|name| format!("`{name}`")).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN {
+        text.push_str(&format!(" and {} more", names.len() - SHOWN));
+    }
+    text
+}

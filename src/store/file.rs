@@ -1,0 +1,148 @@
+//! Writes files so that their names never hold half of them, and lists folders of two levels.
+
+use std::fs::{self, File, OpenOptions};
+use std::io::{self, Write};
+use std::os::unix::fs::OpenOptionsExt;
+use std::path::{Path, PathBuf};
+
+use super::error::failed;
+use super::{Digest, Store, StoreError};
+
+/// How an entry of the store is opened for those who may read the folder.
+const OBJECT_MODE: u32 = 0o444;
+const RECORD_MODE: u32 = 0o644;
+
+impl Store {
+    /// Writes a record under a unique name, syncs it, then gives it its own name.
+    pub(super) fn write_record(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
+        let session = self.session()?;
+        let mut file = Temporary::create(&self.root, session.unique_path(), RECORD_MODE)?;
+        let written = file.path.clone();
+        file.file.write_all(bytes).map_err(failed(&self.root, "write", &written))?;
+        let folder = path.parent().expect("records lie in folders of the store");
+        fs::create_dir_all(folder).map_err(failed(&self.root, "create", folder))?;
+        file.persist(&self.root, path)?;
+        session.touched(folder);
+        Ok(())
+    }
+
+    /// Moves a damaged file away from its name; `None` if that cannot be done.
+    pub(super) fn set_aside(&self, path: &Path, name: &str) -> Option<PathBuf> {
+        let folder = self.root.join("damaged");
+        fs::create_dir_all(&folder).ok()?;
+        for number in 1..10_000 {
+            let aside = folder.join(format!("{name}-{number}"));
+            // The new name is taken first, so that two who set aside at once do not overwrite each other's.
+            match OpenOptions::new().write(true).create_new(true).open(&aside) {
+                Ok(_) if fs::rename(path, &aside).is_ok() => return Some(aside),
+                Ok(_) => {
+                    let _ = fs::remove_file(&aside);
+                    return None;
+                }
+                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
+                Err(_) => return None,
+            }
+        }
+        None
+    }
+}
+
+/// A file under a name of its own that goes away with it unless it is persisted.
+#[derive(Debug)]
+pub(super) struct Temporary {
+    pub(super) file: File,
+    pub(super) path: PathBuf,
+    persisted: bool,
+}
+
+impl Temporary {
+    fn create(root: &Path, path: PathBuf, mode: u32) -> Result<Self, StoreError> {
+        let file = OpenOptions::new()
+            .write(true)
+            .create_new(true)
+            .mode(mode)
+            .open(&path)
+            .map_err(failed(root, "write", &path))?;
+        Ok(Self { file, path, persisted: false })
+    }
+
+    /// Creates the file of a future object, which nobody else may write.
+    pub(super) fn object(root: &Path, path: PathBuf) -> Result<Self, StoreError> {
+        Self::create(root, path, OBJECT_MODE)
+    }
+
+    /// Syncs the content, then gives the file its name, in place of what was there.
+    pub(super) fn persist(mut self, root: &Path, path: &Path) -> Result<(), StoreError> {
+        self.file.sync_data().map_err(failed(root, "write", &self.path))?;
+        fs::rename(&self.path, path).map_err(failed(root, "write", path))?;
+        self.persisted = true;
+        Ok(())
+    }
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        if !self.persisted {
+            // What stays here lies in a session's folder, which `gc` removes.
+            let _ = fs::remove_file(&self.path);
+        }
+    }
+}
+
+/// Returns where the entry of a digest lies in a folder of 256 folders.
+pub(super) fn fanned(folder: &Path, digest: &Digest, extension: &str) -> PathBuf {
+    let hex = digest.to_hex();
+    let mut path = folder.join(&hex[..2]);
+    path.push(format!("{}{extension}", &hex[2..]));
+    path
+}
+
+/// An entry of a folder of 256 folders.
+pub(super) struct Entry {
+    pub(super) path: PathBuf,
+    /// `None` if the name is none that the store gives.
+    pub(super) digest: Option<Digest>,
+    pub(super) bytes: u64,
+}
+
+/// Lists the entries of a folder of 256 folders, in order.
+pub(super) fn list_fanned(root: &Path, folder: &str, extension: &str) -> Result<Vec<Entry>, StoreError> {
+    let mut entries = Vec::new();
+    for outer in list(root, &root.join(folder))? {
+        if !outer.is_dir() {
+            let bytes = outer.symlink_metadata().map_or(0, |metadata| metadata.len());
+            entries.push(Entry { path: outer, digest: None, bytes });
+            continue;
+        }
+        let prefix = outer.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        for path in list(root, &outer)? {
+            let Ok(metadata) = path.symlink_metadata() else { continue };
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            let digest = name.strip_suffix(extension).and_then(|rest| format!("{prefix}{rest}").parse().ok());
+            let digest = digest.filter(|_| prefix.len() == 2 && metadata.is_file());
+            entries.push(Entry { digest, bytes: metadata.len(), path });
+        }
+    }
+    Ok(entries)
+}
+
+/// Lists the paths in a folder, in order; none if there is no such folder.
+pub(super) fn list(root: &Path, folder: &Path) -> Result<Vec<PathBuf>, StoreError> {
+    let entries = match fs::read_dir(folder) {
+        Ok(entries) => entries,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),
+        Err(error) => return Err(failed(root, "read", folder)(error)),
+    };
+    let mut paths = Vec::new();
+    for entry in entries {
+        paths.push(entry.map_err(failed(root, "read", folder))?.path());
+    }
+    paths.sort();
+    Ok(paths)
+}
+
+/// Refuses names that would be more or less than one file in the folder they are meant for.
+pub(super) fn check_name(what: &'static str, name: &str) -> Result<(), StoreError> {
+    let plain = !matches!(name, "" | "." | "..") && !name.contains(['/', '\\', '\0']) && name.len() <= 200;
+    if plain { Ok(()) } else { Err(StoreError::Name { what, name: name.to_owned() }) }
+}

@@ -1,0 +1,258 @@
+//! Keeps files by the digest of their content.
+
+use std::fs::File;
+use std::io::{self, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+
+use serde::{Deserialize, Serialize};
+
+use super::error::failed;
+use super::file::{Temporary, check_name, fanned};
+use super::{Digest, Store, StoreError};
+
+/// How much of a file is in memory while it is hashed.
+const BLOCK: usize = 1 << 18;
+
+/// A file in the store.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FileRef {
+    /// Name within a bundle; empty for a single file.
+    pub name: String,
+    pub digest: Digest,
+    pub bytes: u64,
+}
+
+/// What a node yields: a single file, or a bundle of named ones.
+///
+/// The digest of a single file is that of its content; a bundle's is that of its manifest, an object that lists the files.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Artifact {
+    pub digest: Digest,
+    pub files: Vec<FileRef>,
+}
+
+/// The object that stands for a bundle.
+#[derive(Serialize)]
+struct Manifest<'a> {
+    kind: &'a str,
+    format: u32,
+    files: &'a [FileRef],
+}
+
+impl Artifact {
+    /// Makes the artifact of one file; it loses its name.
+    #[must_use]
+    pub fn single(file: FileRef) -> Self {
+        Self { digest: file.digest, files: vec![FileRef { name: String::new(), ..file }] }
+    }
+
+    /// Tells whether it has named files.
+    #[must_use]
+    pub fn is_bundle(&self) -> bool {
+        !matches!(self.files.as_slice(), [file] if file.name.is_empty() && file.digest == self.digest)
+    }
+
+    /// Returns the file of a name; a single file's is empty.
+    #[must_use]
+    pub fn file(&self, name: &str) -> Option<&FileRef> {
+        self.files.iter().find(|file| file.name == name)
+    }
+
+    /// Returns the size of all files in bytes, without the manifest.
+    #[must_use]
+    pub fn bytes(&self) -> u64 {
+        self.files.iter().map(|file| file.bytes).sum()
+    }
+
+    /// Yields the objects it consists of: the files and the manifest of a bundle.
+    pub fn objects(&self) -> impl Iterator<Item = Digest> {
+        let manifest = self.is_bundle().then_some(self.digest);
+        self.files.iter().map(|file| file.digest).chain(manifest)
+    }
+}
+
+impl Store {
+    /// Stores bytes.
+    ///
+    /// # Errors
+    /// If the store cannot be written; nothing is left behind then.
+    pub fn put(&self, name: &str, bytes: &[u8]) -> Result<FileRef, StoreError> {
+        let digest = Digest::of(bytes);
+        let session = self.session()?;
+        session.pin_object(&digest, &self.gate).map_err(failed(&self.root, "write", &self.root))?;
+        let file = FileRef { name: name.to_owned(), digest, bytes: bytes.len() as u64 };
+        if !self.holds(&file) {
+            let mut temporary = Temporary::object(&self.root, session.unique_path())?;
+            let path = temporary.path.clone();
+            temporary.file.write_all(bytes).map_err(failed(&self.root, "write", &path))?;
+            self.name_object(temporary, &digest)?;
+        }
+        Ok(file)
+    }
+
+    /// Begins an object whose bytes come one after the other.
+    ///
+    /// # Errors
+    /// If the store cannot be written.
+    pub fn create(&self) -> Result<ObjectWriter<'_>, StoreError> {
+        let temporary = Temporary::object(&self.root, self.session()?.unique_path())?;
+        Ok(ObjectWriter { store: self, temporary, hasher: blake3::Hasher::new(), bytes: 0 })
+    }
+
+    /// Stores the manifest of a bundle.
+    ///
+    /// # Errors
+    /// If a name is none for a file or there twice, or if the store cannot be written.
+    pub fn bundle(&self, kind: &str, format: u32, mut files: Vec<FileRef>) -> Result<Artifact, StoreError> {
+        files.sort();
+        for file in &files {
+            check_name("part", &file.name)?;
+        }
+        if let Some(pair) = files.windows(2).find(|pair| pair[0].name == pair[1].name) {
+            return Err(StoreError::DuplicatePart { name: pair[0].name.clone() });
+        }
+        let manifest = serde_json::to_vec(&Manifest { kind, format, files: &files }).expect("a manifest is JSON");
+        Ok(Artifact { digest: self.put("", &manifest)?.digest, files })
+    }
+
+    /// Reads an object and checks its digest.
+    ///
+    /// # Errors
+    /// If it is missing or cannot be read. If it is damaged it is set aside; the error names the nodes that it belongs to.
+    pub fn read(&self, digest: &Digest) -> Result<Vec<u8>, StoreError> {
+        let path = self.path_of(digest);
+        let bytes = std::fs::read(&path).map_err(|error| self.unreadable(digest, &path, error))?;
+        if Digest::of(&bytes) == *digest { Ok(bytes) } else { Err(self.damaged(digest)) }
+    }
+
+    /// Opens an object for those who read it piece by piece, after its digest was checked.
+    ///
+    /// # Errors
+    /// As [`Store::read`].
+    pub fn open_object(&self, digest: &Digest) -> Result<File, StoreError> {
+        let path = self.path_of(digest);
+        let mut file = File::open(&path).map_err(|error| self.unreadable(digest, &path, error))?;
+        let (found, _) = digest_of(&mut file).map_err(|error| self.unreadable(digest, &path, error))?;
+        if found != *digest {
+            return Err(self.damaged(digest));
+        }
+        file.rewind().map_err(|error| self.unreadable(digest, &path, error))?;
+        Ok(file)
+    }
+
+    /// Returns where an object lies, whether it is there or not.
+    #[must_use]
+    pub fn path_of(&self, digest: &Digest) -> PathBuf {
+        fanned(&self.root.join("objects"), digest, "")
+    }
+
+    /// Tells whether an object is there, without reading it.
+    #[must_use]
+    pub fn has(&self, digest: &Digest) -> bool {
+        self.path_of(digest).is_file()
+    }
+
+    /// Tells whether all of an artifact's objects are there in their full size, without reading them.
+    #[must_use]
+    pub fn complete(&self, artifact: &Artifact) -> bool {
+        let whole = |file: &FileRef| {
+            let metadata = self.path_of(&file.digest).metadata();
+            metadata.is_ok_and(|metadata| metadata.is_file() && metadata.len() == file.bytes)
+        };
+        artifact.files.iter().all(whole) && (!artifact.is_bundle() || self.has(&artifact.digest))
+    }
+
+    /// Tells whether an object is there and its bytes are right.
+    fn holds(&self, file: &FileRef) -> bool {
+        let found = File::open(self.path_of(&file.digest)).and_then(|mut there| digest_of(&mut there));
+        found.is_ok_and(|found| found == (file.digest, file.bytes))
+    }
+
+    /// Gives a written file the name of its digest, in place of what was damaged there.
+    fn name_object(&self, temporary: Temporary, digest: &Digest) -> Result<(), StoreError> {
+        let path = self.path_of(digest);
+        let folder = path.parent().expect("objects lie in folders of the store");
+        std::fs::create_dir_all(folder).map_err(failed(&self.root, "create", folder))?;
+        temporary.persist(&self.root, &path)?;
+        self.session()?.touched(folder);
+        Ok(())
+    }
+
+    fn unreadable(&self, digest: &Digest, path: &Path, error: io::Error) -> StoreError {
+        if error.kind() == io::ErrorKind::NotFound {
+            StoreError::MissingObject { digest: *digest, nodes: self.nodes_of_object(digest) }
+        } else {
+            failed(&self.root, "read", path)(error)
+        }
+    }
+
+    fn damaged(&self, digest: &Digest) -> StoreError {
+        let aside = self.set_aside(&self.path_of(digest), &digest.to_hex());
+        StoreError::DamagedObject { digest: *digest, nodes: self.nodes_of_object(digest), aside }
+    }
+}
+
+/// Hashes what is left of a file; returns its length, too.
+pub(super) fn digest_of(file: &mut File) -> io::Result<(Digest, u64)> {
+    let mut hasher = blake3::Hasher::new();
+    let mut block = vec![0; BLOCK];
+    loop {
+        match file.read(&mut block) {
+            Ok(0) => return Ok((Digest::from_bytes(*hasher.finalize().as_bytes()), hasher.count())),
+            Ok(read) => hasher.update(&block[..read]),
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => continue,
+            Err(error) => return Err(error),
+        };
+    }
+}
+
+/// An object that is being written. Dropped before [`ObjectWriter::finish`], it leaves nothing behind.
+#[derive(Debug)]
+pub struct ObjectWriter<'a> {
+    store: &'a Store,
+    temporary: Temporary,
+    hasher: blake3::Hasher,
+    bytes: u64,
+}
+
+impl ObjectWriter<'_> {
+    /// Ends the object and gives it its name.
+    ///
+    /// # Errors
+    /// If the store cannot be written.
+    pub fn finish(self, name: &str) -> Result<FileRef, StoreError> {
+        let store = self.store;
+        let digest = Digest::from_bytes(*self.hasher.finalize().as_bytes());
+        let pinned = store.session()?.pin_object(&digest, &store.gate);
+        pinned.map_err(failed(&store.root, "write", &store.root))?;
+        let file = FileRef { name: name.to_owned(), digest, bytes: self.bytes };
+        if !store.holds(&file) {
+            store.name_object(self.temporary, &digest)?;
+        }
+        Ok(file)
+    }
+}
+
+impl Write for ObjectWriter<'_> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match self.temporary.file.write(bytes) {
+            Ok(written) => {
+                self.hasher.update(&bytes[..written]);
+                self.bytes += written as u64;
+                Ok(written)
+            }
+            // Others will carry this error to the user: let it say which folder is full.
+            Err(error) if matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) => {
+                let kind = error.kind();
+                Err(io::Error::new(kind, failed(&self.store.root, "write", &self.temporary.path)(error)))
+            }
+            Err(error) => Err(error),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.temporary.file.flush()
+    }
+}

@@ -1,0 +1,242 @@
+//! Recognizes files outside of the store that have not changed, without reading them.
+
+use std::collections::BTreeMap;
+use std::fs::{self, File};
+use std::io;
+use std::os::unix::fs::MetadataExt;
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use serde::{Deserialize, Serialize};
+
+use super::error::failed;
+use super::object::digest_of;
+use super::{Digest, Store, StoreError};
+
+/// How much older than its record a file must be, in nanoseconds: file systems keep times as coarse as this, so a file that was
+/// changed within it after it was read may look unchanged.
+const SLACK: i128 = 2_000_000_000;
+
+/// What a file looked like when it was read, and what was in it.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Seen {
+    digest: Digest,
+    size: u64,
+    /// Nanoseconds since 1970 of the last change of content, as the owner may set it.
+    modified: i128,
+    /// Nanoseconds since 1970 of the last change of anything, as nobody may set it.
+    changed: i128,
+    /// When it was read, before the first byte, in nanoseconds since 1970.
+    read: i128,
+}
+
+/// What is known of files outside.
+#[derive(Debug)]
+pub(super) struct Sources {
+    path: PathBuf,
+    /// `None` until it is needed.
+    seen: Option<BTreeMap<PathBuf, Seen>>,
+    dirty: bool,
+}
+
+impl Sources {
+    pub(super) fn new(root: &Path) -> Self {
+        Self { path: root.join("sources.json"), seen: None, dirty: false }
+    }
+
+    fn seen(&mut self) -> &mut BTreeMap<PathBuf, Seen> {
+        self.seen.get_or_insert_with(|| load(&self.path))
+    }
+}
+
+/// Reads what is known; what cannot be understood is only worth reading the files again.
+fn load(path: &Path) -> BTreeMap<PathBuf, Seen> {
+    fs::read(path).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+}
+
+impl Store {
+    /// Returns the digest of a file outside of the store. It is not read if its size and times are those of its record, unless it
+    /// is younger than that.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn source_digest(&self, path: &Path) -> Result<Digest, StoreError> {
+        let absolute = std::path::absolute(path).map_err(failed(&self.root, "read", path))?;
+        let metadata = fs::metadata(path).map_err(failed(&self.root, "read", path))?;
+        {
+            let mut sources = self.sources.lock().expect("nothing panics while it holds this lock");
+            if let Some(seen) = sources.seen().get(&absolute)
+                && looks(seen, &metadata)
+                && is_settled(seen)
+            {
+                return Ok(seen.digest);
+            }
+        }
+        self.read_source(path, absolute)
+    }
+
+    /// Returns the digest of a file outside of the store; always reads it.
+    ///
+    /// # Errors
+    /// If the file cannot be read.
+    pub fn source_digest_now(&self, path: &Path) -> Result<Digest, StoreError> {
+        let absolute = std::path::absolute(path).map_err(failed(&self.root, "read", path))?;
+        self.read_source(path, absolute)
+    }
+
+    /// Writes down what is known of files outside, together with what other processes know.
+    ///
+    /// # Errors
+    /// If the store cannot be written.
+    pub fn save_sources(&self) -> Result<(), StoreError> {
+        let mut sources = self.sources.lock().expect("nothing panics while it holds this lock");
+        if !sources.dirty {
+            return Ok(());
+        }
+        let _lock = self.lock_name("sources")?;
+        let mut all = load(&sources.path);
+        for (path, seen) in sources.seen().iter() {
+            if all.get(path).is_none_or(|other| other.read < seen.read) {
+                all.insert(path.clone(), seen.clone());
+            }
+        }
+        all.retain(|path, _| path.exists());
+        let path = sources.path.clone();
+        self.write_record(&path, &serde_json::to_vec_pretty(&all).expect("paths that are texts are keys of JSON"))?;
+        sources.dirty = false;
+        Ok(())
+    }
+
+    fn read_source(&self, path: &Path, absolute: PathBuf) -> Result<Digest, StoreError> {
+        let fail = |error: io::Error| failed(&self.root, "read", path)(error);
+        let read = now();
+        let mut file = File::open(path).map_err(fail)?;
+        // Of the open file: a name may pass to another one meanwhile.
+        let before = file.metadata().map_err(fail)?;
+        if before.is_dir() {
+            return Err(fail(io::Error::from(io::ErrorKind::IsADirectory)));
+        }
+        let (digest, size) = digest_of(&mut file).map_err(fail)?;
+        let seen = Seen { digest, size, modified: modified(&before), changed: changed(&before), read };
+        let unchanged = file.metadata().is_ok_and(|after| looks(&seen, &after));
+        let mut sources = self.sources.lock().expect("nothing panics while it holds this lock");
+        let noted = sources.seen().get(&absolute);
+        // A path that is no text cannot be written down; a file that is still being written is not worth it.
+        let news = noted.is_none_or(|noted| !is_settled(noted) || *noted != Seen { read: noted.read, ..seen.clone() });
+        if unchanged && absolute.to_str().is_some() && news {
+            sources.seen().insert(absolute, seen);
+            sources.dirty = true;
+        }
+        Ok(digest)
+    }
+}
+
+/// Tells whether a record is so much younger than its file that nothing can have been missed.
+fn is_settled(seen: &Seen) -> bool {
+    seen.modified.max(seen.changed) + SLACK < seen.read
+}
+
+fn looks(seen: &Seen, metadata: &fs::Metadata) -> bool {
+    (seen.size, seen.modified, seen.changed) == (metadata.len(), modified(metadata), changed(metadata))
+}
+
+fn modified(metadata: &fs::Metadata) -> i128 {
+    i128::from(metadata.mtime()) * 1_000_000_000 + i128::from(metadata.mtime_nsec())
+}
+
+fn changed(metadata: &fs::Metadata) -> i128 {
+    i128::from(metadata.ctime()) * 1_000_000_000 + i128::from(metadata.ctime_nsec())
+}
+
+fn now() -> i128 {
+    SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .map_or(0, |since| i128::try_from(since.as_nanos()).expect("127 bits of nanoseconds"))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use super::super::testing::store;
+    use super::*;
+
+    /// Makes all records look as if the files had been read later than they were.
+    fn age(store: &Store) {
+        for seen in store.sources.lock().expect("works").seen().values_mut() {
+            seen.read += 2 * SLACK;
+        }
+    }
+
+    /// Puts another digest into all records, by which one sees whether they are believed.
+    fn mark(store: &Store) -> Digest {
+        let digest = Digest::of(b"from the record");
+        for seen in store.sources.lock().expect("works").seen().values_mut() {
+            seen.digest = digest;
+        }
+        digest
+    }
+
+    #[test]
+    fn a_file_younger_than_its_record_is_read_again() {
+        let (folder, store) = store();
+        let path = folder.path().join("map.pgm");
+        fs::write(&path, "a").expect("writes");
+        assert_eq!(store.source_digest(&path).expect("reads"), Digest::of(b"a"));
+        mark(&store);
+        assert_eq!(store.source_digest(&path).expect("reads"), Digest::of(b"a"), "it was changed just now");
+        age(&store);
+        let marked = mark(&store);
+        assert_eq!(store.source_digest(&path).expect("knows"), marked, "it is old enough");
+        assert_eq!(store.source_digest_now(&path).expect("reads"), Digest::of(b"a"));
+    }
+
+    #[test]
+    fn changed_files_are_read() {
+        let (folder, store) = store();
+        let path = folder.path().join("map.pgm");
+        fs::write(&path, "a").expect("writes");
+        let modified = path.metadata().and_then(|metadata| metadata.modified()).expect("has a time");
+        store.source_digest(&path).expect("reads");
+        age(&store);
+        // Same size, and the owner sets the time back: the file system still knows when that was.
+        std::thread::sleep(Duration::from_millis(20));
+        fs::write(&path, "b").expect("writes");
+        fs::File::options().write(true).open(&path).and_then(|file| file.set_modified(modified)).expect("sets");
+        assert_eq!(store.source_digest(&path).expect("reads"), Digest::of(b"b"));
+        fs::write(&path, "longer").expect("writes");
+        age(&store);
+        assert_eq!(store.source_digest(&path).expect("reads"), Digest::of(b"longer"));
+    }
+
+    #[test]
+    fn records_are_saved_and_joined() {
+        let (folder, store) = store();
+        let paths = ["a", "b"].map(|name| folder.path().join(name));
+        for path in &paths {
+            fs::write(path, "text").expect("writes");
+        }
+        let other = Store::open(folder.path()).expect("opens");
+        store.source_digest(&paths[0]).expect("reads");
+        other.source_digest(&paths[1]).expect("reads");
+        store.save_sources().expect("saves");
+        other.save_sources().expect("saves");
+        let third = Store::open_existing(folder.path()).expect("opens");
+        assert_eq!(third.sources.lock().expect("works").seen().len(), 2);
+        fs::write(folder.path().join("sources.json"), "damaged").expect("writes");
+        let fourth = Store::open(folder.path()).expect("opens");
+        assert_eq!(fourth.source_digest(&paths[0]).expect("reads"), Digest::of(b"text"));
+        fourth.save_sources().expect("saves");
+        assert_eq!(load(&folder.path().join("sources.json")).len(), 1);
+    }
+
+    #[test]
+    fn a_missing_file_and_a_folder_are_named() {
+        let (folder, store) = store();
+        for name in ["nowhere.pgm", "objects"] {
+            let error = store.source_digest(&folder.path().join(name)).expect_err("is no file");
+            assert!(error.to_string().contains(name), "{error}");
+        }
+    }
+}

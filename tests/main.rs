@@ -1,0 +1,11 @@
+//! All integration tests, in one binary: one link of polars and burn.
+
+mod architecture;
+mod crowd;
+mod equations;
+mod kinds;
+mod maps;
+mod oracle;
+mod pipeline;
+mod store;
+mod unet;

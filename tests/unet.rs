@@ -1,0 +1,230 @@
+//! Training and prediction as a whole: what is learned, what can be resumed, and that threads change nothing.
+
+use std::ops::ControlFlow;
+
+use trodden::domain::annotate::{AnnotateConfig, Mode, annotate};
+use trodden::domain::geometry::{Cell, Frame, Grid};
+use trodden::domain::map::OccupancyMap;
+use trodden::domain::random::Stream;
+use trodden::domain::tiles::Tiles;
+use trodden::domain::unet::{
+    Array, BatchReport, Compute, DeviceName, EpochMetrics, Network, Simd, TrainConfig, TrainState, Trainer, UnetError,
+};
+
+/// Windows that have something to learn: a cell's class is how many of its four neighbors are free.
+fn tiles(size: usize, windows: usize) -> Tiles {
+    let mut stream = Stream::new(1, &[0; 32], 0, "test/tiles");
+    let occupancy: Vec<u8> = (0..windows * size * size).map(|_| u8::from(stream.unit() > 0.4)).collect();
+    let labels = (0..occupancy.len()).map(|i| {
+        let (row, col) = (i / size % size, i % size);
+        if occupancy[i] == 0 {
+            return 0;
+        }
+        if row == 0 || col == 0 || row == size - 1 || col == size - 1 {
+            return -1;
+        }
+        let free = [i - size, i + size, i - 1, i + 1].iter().map(|n| i8::try_from(occupancy[*n]).expect("0 or 1")).sum::<i8>();
+        1 + free / 2
+    });
+    let labels = labels.collect();
+    Tiles {
+        size,
+        classes: 3,
+        maps: vec!["noise".to_owned()],
+        origin: vec![(0, 0, 0); windows],
+        occupancy,
+        labels,
+        labeled_share: vec![0.5; windows],
+    }
+}
+
+const WEIGHTS: [f64; 4] = [0.1, 0.3, 0.2, 0.4];
+
+fn config() -> TrainConfig {
+    TrainConfig { batch: 8, learning_rate: 0.003, ..TrainConfig::default() }
+}
+
+fn computes() -> impl Iterator<Item = Compute> {
+    let available = Simd::ALL.into_iter().filter(|simd| simd.is_available());
+    available.map(|simd| Compute::new(DeviceName::Flex, Some(simd)).expect("available"))
+}
+
+fn epochs(trainer: &mut Trainer<'_>, count: usize) -> Vec<EpochMetrics> {
+    let mut go_on = |_: &BatchReport| ControlFlow::Continue(());
+    (0..count).map(|_| trainer.epoch(&mut go_on).expect("training goes well")).collect()
+}
+
+/// Returns the bits of all arrays, so that equal states are equal and not only close.
+fn bits(state: &TrainState) -> Vec<(String, Vec<u32>)> {
+    let bits = |(name, array): (&String, &Array)| (name.clone(), array.values.iter().map(|v| v.to_bits()).collect());
+    state.model.iter().chain(&state.optimizer).map(bits).collect()
+}
+
+#[test]
+fn training_learns_what_can_be_learned() {
+    let tiles = tiles(16, 6);
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
+    let metrics = epochs(&mut trainer, 25);
+    let (first, last) = (&metrics[0], &metrics[24]);
+    assert_eq!((first.epoch, last.epoch, last.samples), (1, 25, 48));
+    assert!(last.loss < 0.5 * first.loss, "{} {}", first.loss, last.loss);
+    assert!(last.mean_recall > 0.75 && last.recall.len() == 4, "{last:?}");
+}
+
+#[test]
+fn a_resumed_training_is_an_undisturbed_one() {
+    let tiles = tiles(16, 3);
+    for compute in computes() {
+        let mut whole = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
+        let expected = epochs(&mut whole, 4);
+        let mut state = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range").state();
+        for epoch in 0..4 {
+            assert_eq!(state.epoch, epoch);
+            let resumed = Trainer::resume(&tiles, &WEIGHTS, &config(), &compute, 7, &state);
+            let mut resumed = resumed.expect("a state fits its own tiles");
+            assert_eq!(epochs(&mut resumed, 1)[0], expected[epoch as usize], "{compute}");
+            state = resumed.state();
+        }
+        assert_eq!(bits(&state), bits(&whole.state()), "{compute}");
+    }
+}
+
+#[test]
+fn threads_do_not_change_a_bit() {
+    let tiles = tiles(24, 5);
+    for compute in computes() {
+        let run = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+            pool.install(|| {
+                let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
+                let metrics = epochs(&mut trainer, 2);
+                let state = trainer.state();
+                let network = Network::new(3, &state.model, &compute).expect("complete");
+                let probabilities = network.probabilities(&tiles.occupancy, 24, 5);
+                let probabilities: Vec<u32> = probabilities.into_iter().map(f32::to_bits).collect();
+                (metrics, bits(&state), probabilities)
+            })
+        };
+        let one = run(1);
+        assert!(run(2) == one && run(8) == one, "{compute}");
+    }
+}
+
+/// The kernels fuse multiplication and addition in the same places whatever the width of the registers.
+#[test]
+fn avx2_and_avx512_give_the_same_bits() {
+    if !Simd::Avx512.is_available() {
+        println!("skipped: this processor has no AVX-512");
+        return;
+    }
+    let tiles = tiles(16, 3);
+    let run = |simd| {
+        let compute = Compute::new(DeviceName::Flex, Some(simd)).expect("available");
+        let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
+        (epochs(&mut trainer, 2), bits(&trainer.state()))
+    };
+    assert!(run(Simd::Avx512) == run(Simd::Avx2));
+}
+
+#[test]
+fn what_cannot_be_trained_is_named() {
+    let tiles = tiles(8, 1);
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let new = |weights: &[f64], config: &TrainConfig| Trainer::new(&tiles, weights, config, &compute, 7).err();
+    assert_eq!(new(&[1.0], &config()), Some(UnetError::ClassWeights { expected: 4, found: 1 }));
+    let config = |learning_rate, batch| TrainConfig { learning_rate, batch, ..TrainConfig::default() };
+    assert!(matches!(new(&WEIGHTS, &config(0.0, 8)), Some(UnetError::Range { field: "learning_rate", .. })));
+    assert!(matches!(new(&WEIGHTS, &config(f64::NAN, 8)), Some(UnetError::Range { field: "learning_rate", .. })));
+    assert!(matches!(new(&WEIGHTS, &config(0.1, 0)), Some(UnetError::Range { field: "batch", .. })));
+
+    let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(0.1, 8), &compute, 7).expect("in range");
+    let cancelled = trainer.epoch(&mut |_: &BatchReport| ControlFlow::Break(()));
+    assert_eq!(cancelled.err(), Some(UnetError::Cancelled));
+
+    let mut state = Trainer::new(&tiles, &WEIGHTS, &config(0.1, 4), &compute, 7).expect("in range").state();
+    state.model.get_mut("head.bias").expect("the head has biases").values[0] = f32::NAN;
+    let mut trainer = Trainer::resume(&tiles, &WEIGHTS, &config(0.1, 4), &compute, 7, &state).expect("it fits");
+    let result = trainer.epoch(&mut |_: &BatchReport| ControlFlow::Continue(()));
+    assert!(matches!(result, Err(UnetError::NotFinite { epoch: 1, batch: 1, .. })), "{result:?}");
+
+    state.optimizer.remove("step");
+    let result = Trainer::resume(&tiles, &WEIGHTS, &config(0.1, 4), &compute, 7, &state).err();
+    assert_eq!(result, Some(UnetError::MissingArray("step".to_owned())));
+}
+
+fn trained(compute: &Compute) -> Network {
+    let tiles = tiles(16, 6);
+    let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), compute, 7).expect("in range");
+    epochs(&mut trainer, 3);
+    Network::new(3, &trainer.state().model, compute).expect("complete")
+}
+
+/// Far from a window's border the network answers as on the whole map, if the window lies at the same offset modulo 8.
+#[test]
+fn windows_and_the_whole_map_agree_on_inner_cells() {
+    let mut stream = Stream::new(3, &[0; 32], 0, "test/map");
+    let (rows, cols, size) = (96, 104, 64);
+    let map: Vec<u8> = (0..rows * cols).map(|_| u8::from(stream.unit() > 0.3)).collect();
+    for compute in computes() {
+        let network = trained(&compute);
+        let mut whole = vec![0.0; rows * cols * 4];
+        network.predict(&map, rows, cols, 1, &mut whole);
+        let (top, left) = (16, 24);
+        let window: Vec<u8> =
+            (0..size * size).map(|i| map[(top + i / size) * cols + left + i % size]).collect();
+        let part = network.probabilities(&window, size, 1);
+        let inner = 22..42;
+        for (row, col) in inner.clone().flat_map(|row| inner.clone().map(move |col| (row, col))) {
+            for class in 0..4 {
+                let (a, b) = (part[(row * size + col) * 4 + class], whole[((top + row) * cols + left + col) * 4 + class]);
+                assert_eq!(a.to_bits(), b.to_bits(), "{compute}: row {row}, column {col}, class {class}");
+            }
+        }
+    }
+}
+
+/// A map larger than a block of dense mode gets the heat that one image of all of it would.
+#[test]
+fn dense_mode_is_one_image_of_the_whole_map() {
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let network = trained(&compute);
+    let mut stream = Stream::new(4, &[0; 32], 0, "test/map");
+    let (rows, cols) = (13, 420);
+    let free = Grid::from_fn(rows, cols, |_| stream.unit() > 0.3);
+    let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
+    let config = AnnotateConfig { mode: Mode::Dense, offsets: 1, ..AnnotateConfig::default() };
+    let mut predict = |images: &[u8], rows, cols, n, out: &mut [f32]| network.predict(images, rows, cols, n, out);
+    let annotation =
+        annotate(&map, 64, 3, &config, &mut predict, &mut |_, _| ControlFlow::Continue(())).expect("in range");
+    let (margin, height, width) = (64, 144, 552);
+    let image: Vec<u8> = (0..height * width)
+        .map(|i| u8::from(map.is_free((i / width) as isize - margin, (i % width) as isize - margin)))
+        .collect();
+    let mut out = vec![0.0; height * width * 4];
+    network.predict(&image, height, width, 1, &mut out);
+    for cell in map.free().cells().filter(|cell: &Cell| map.free()[*cell]) {
+        let at = (cell.row + margin as usize) * width + cell.col + margin as usize;
+        for class in 0..4 {
+            assert_eq!(annotation.probabilities[class][cell], out[at * 4 + class], "{cell:?}");
+        }
+    }
+}
+
+/// The second device and burn's own operations on the first are two witnesses for our kernels.
+#[cfg(feature = "ndarray")]
+#[test]
+fn ndarray_and_flex_learn_the_same() {
+    let tiles = tiles(16, 1);
+    let run = |compute: &Compute| {
+        let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), compute, 7).expect("in range");
+        (epochs(&mut trainer, 1).remove(0), trainer.state())
+    };
+    let (metrics, state) = run(&Compute::new(DeviceName::Ndarray, None).expect("a feature of this build"));
+    let (own_metrics, own_state) = run(&Compute::new(DeviceName::Flex, None).expect("everywhere"));
+    assert!((metrics.loss - own_metrics.loss).abs() < 1e-5 * metrics.loss);
+    for (name, array) in &state.model {
+        let differences = array.values.iter().zip(&own_state.model[name].values).map(|(a, b)| (a - b).abs());
+        assert!(differences.fold(0.0, f32::max) < 1e-4, "{name}");
+    }
+}
