@@ -46,8 +46,10 @@
 //! No database, no daemon, no scheduler beyond one machine. No provenance inside artifacts. No global state: the register
 //! of stages, the store and the environment are handed in.
 
+pub mod cli;
 pub mod domain;
 pub mod kinds;
 pub mod pipeline;
+pub mod report;
 pub mod stages;
 pub mod store;

@@ -1,1 +1,11 @@
-fn main() {}
+//! Parses, runs, and returns the exit code.
+
+use std::process::ExitCode;
+
+// Training allocates and frees large buffers all the time; this allocator keeps their pages.
+#[global_allocator]
+static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
+
+fn main() -> ExitCode {
+    trodden::cli::main()
+}

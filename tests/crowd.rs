@@ -70,8 +70,10 @@ fn read_scene(folder: &std::path::Path, name: &str) -> OracleScene {
     OracleScene { polygons, starts, goals, config, speed }
 }
 
-/// Lets the crowd of a scene walk and returns who has been at their goal within `seconds`, and the crowd's last word.
-fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<Option<f64>>, Summary) {
+/// Lets the crowd of a scene walk and returns when each agent was at its goal, and what happened besides.
+///
+/// Agents whose goal is not reachable have no entry.
+fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<(usize, Option<f64>)>, Summary) {
     let points: Vec<Point> = scene.starts.iter().chain(&scene.goals).copied().collect();
     let world = Scene::from_polygons(&scene.polygons, &points, &scene.config).expect("a world");
     let mut crowd = Crowd::new(&world);
@@ -79,15 +81,13 @@ fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<Option<f64>>, Summ
         let noise = Stream::new(seed, &[0; 32], agent as u64, "oracle");
         crowd.add(world.frame().to_local(*start), scene.speed, noise);
     }
-    for (agent, goal) in scene.goals.iter().enumerate() {
-        assert!(crowd.send(agent, world.frame().to_local(*goal)), "agent {agent} has a way");
-    }
-    let mut arrivals = vec![None; crowd.len()];
-    let steps = (seconds / scene.config.time_step) as usize;
-    for step in 0..steps {
+    let goals = scene.goals.iter().map(|goal| world.frame().to_local(*goal));
+    let mut arrivals: Vec<(usize, Option<f64>)> =
+        goals.enumerate().filter(|(agent, goal)| crowd.send(*agent, *goal)).map(|(agent, _)| (agent, None)).collect();
+    for step in 0..(seconds / scene.config.time_step) as usize {
         crowd.step();
-        for (agent, arrival) in arrivals.iter_mut().enumerate() {
-            if arrival.is_none() && crowd.status(agent) == Status::Arrived {
+        for (agent, arrival) in &mut arrivals {
+            if arrival.is_none() && crowd.status(*agent) == Status::Arrived {
                 *arrival = Some(step as f64 * scene.config.time_step);
             }
         }
@@ -116,12 +116,195 @@ fn where_plain_orca_is_stuck_everyone_arrives() {
         let scene = read_scene(&folder, name);
         for seed in 0..5 {
             let (arrivals, summary) = walk(&scene, seed, seconds);
-            let last = arrivals.iter().copied().map(|arrival| arrival.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
-            println!("{name}, seed {seed}: last arrival {last:.1} s, {summary:?}");
-            if arrivals.contains(&None) || summary.wall_hits + summary.blocked_centers > 0 {
-                failures.push((name, seed, arrivals));
+            let last = arrivals.iter().map(|(_, arrival)| arrival.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
+            println!("{name}, seed {seed}: {} reachable goals, the last reached after {last:.1} s", arrivals.len());
+            // Two agents of `crowd30_dense` are to go to places outside of the room.
+            let unreachable = if name == "crowd30_dense" { 2 } else { 0 };
+            let all = arrivals.len() == scene.starts.len() - unreachable && last.is_finite();
+            if !all || summary.wall_hits + summary.blocked_centers > 0 {
+                failures.push((name, seed, arrivals, summary));
             }
         }
     }
     assert!(failures.is_empty(), "{failures:?}");
+}
+
+/// Returns the map that the rows draw, `#` blocked, each character a square of `scale` cells of 0.1 m.
+fn plan(rows: &[&str], scale: usize) -> OccupancyMap {
+    let (height, width) = (rows.len() * scale, rows[0].len() * scale);
+    let free = Grid::from_fn(height, width, |cell| rows[cell.row / scale].as_bytes()[cell.col / scale] != b'#');
+    OccupancyMap::new(free, Frame::at_zero(0.1, height, width)).expect("the plan has free cells")
+}
+
+/// A flat of six rooms along a corridor of 1.2 m; doors of 0.8 m (each character is 0.4 m).
+fn flat() -> OccupancyMap {
+    let rows = [
+        "#############################################",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#.....####.....#..............#.............#",
+        "#.....####.....#..............#.............#",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#####..#############..###########..##########",
+        "#...........................................#",
+        "#...........................................#",
+        "#...........................................#",
+        "########..###########..##########..##########",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#....####......#......................##....#",
+        "#....####......#......................##....#",
+        "#....####......#..............#.............#",
+        "#..............#..............#.............#",
+        "#..............#..............#.............#",
+        "#############################################",
+    ];
+    plan(&rows, 4)
+}
+
+/// A slanted hall with pillars, joined to a room by a door of 1 m (each character is 0.5 m).
+fn hall() -> OccupancyMap {
+    let map = plan(
+        &[
+            "##############################",
+            "#..................#.........#",
+            "#..................#.........#",
+            "#..................#.........#",
+            "#....##......##....#.........#",
+            "#....##......##....#.........#",
+            "#............................#",
+            "#............................#",
+            "#..................#.........#",
+            "#....##......##....#....#....#",
+            "#....##......##....#.........#",
+            "#..................#.........#",
+            "#..................#.........#",
+            "##############################",
+        ],
+        5,
+    );
+    let frame = *map.frame();
+    // Two slanted corners, so that walls run in steps.
+    let free = Grid::from_fn(frame.rows, frame.cols, |cell| {
+        map.free()[cell] && cell.row + cell.col > 25 && 3 * cell.row + cell.col < 240
+    });
+    OccupancyMap::new(free, frame).expect("a map")
+}
+
+fn episodes(map: &OccupancyMap, config: &CrowdConfig, count: u32, threads: usize) -> (blake3::Hash, Summary) {
+    let scene = Scene::new(map, config).expect("a scene");
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
+    let all: Vec<_> = pool.install(|| (0..count).into_par_iter().map(|n| scene.episode(11, &[3; 32], n)).collect());
+    let mut hasher = blake3::Hasher::new();
+    let mut summary = Summary::default();
+    for episode in &all {
+        summary += episode.summary;
+        episode.samples.iter().for_each(|sample| hash(&mut hasher, sample));
+    }
+    (hasher.finalize(), summary)
+}
+
+fn hash(hasher: &mut blake3::Hasher, sample: &Sample) {
+    hasher.update(&sample.episode.to_le_bytes()).update(&sample.id.to_le_bytes()).update(&sample.frame.to_le_bytes());
+    for number in [sample.position.x, sample.position.y, sample.velocity.x, sample.velocity.y] {
+        hasher.update(&number.to_le_bytes());
+    }
+    hasher.update(&sample.path.to_le_bytes());
+}
+
+#[test]
+fn episodes_are_the_same_on_any_number_of_threads() {
+    let config = CrowdConfig { duration: 15.0, ..CrowdConfig::default() };
+    let (one, _) = episodes(&flat(), &config, 12, 1);
+    for threads in [2, 8] {
+        assert_eq!(episodes(&flat(), &config, 12, threads).0, one, "{threads} threads");
+    }
+    let other_seed = Scene::new(&flat(), &config).expect("a scene").episode(12, &[3; 32], 0);
+    assert_ne!(other_seed, Scene::new(&flat(), &config).expect("a scene").episode(11, &[3; 32], 0));
+}
+
+#[test]
+fn few_paths_are_stuck_and_no_disc_is_in_a_wall() {
+    for (name, map) in [("flat", flat()), ("hall", hall())] {
+        let (_, summary) = episodes(&map, &CrowdConfig::default(), 150, 2);
+        println!("{name}: {:.2} % stuck, {summary:?}", 100.0 * summary.stuck_share());
+        assert!(summary.paths > 2000 && summary.arrived > summary.paths * 3 / 4, "{name}: {summary:?}");
+        assert!(summary.stuck_share() < 0.01, "{name}: {summary:?}");
+        assert_eq!(summary.wall_hits + summary.blocked_centers, 0, "{name}: {summary:?}");
+        assert!(summary.wall_overlap_max_m <= 0.01, "{name}: {summary:?}");
+    }
+}
+
+#[test]
+fn tracks_stay_off_every_blocked_cell_and_move_as_they_say() {
+    let map = hall();
+    let scene = Scene::new(&map, &CrowdConfig::default()).expect("a scene");
+    let frame = map.frame();
+    let blocked: Vec<Point> = map.free().cells().filter(|c| !map.free()[*c]).map(|c| frame.center(c)).collect();
+    for number in 0..6 {
+        let episode = scene.episode(5, &[0; 32], number);
+        for pair in episode.samples.windows(2) {
+            let (a, b) = (pair[0], pair[1]);
+            // Slow on purpose: straight from the definition.
+            if b.frame % 10 == 0 {
+                for center in &blocked {
+                    let (dx, dy) = ((b.position.x - center.x).abs() - 0.05, (b.position.y - center.y).abs() - 0.05);
+                    assert!(Point::new(dx.max(0.0), dy.max(0.0)).norm() > 0.19, "{b:?} is in {center:?}");
+                }
+            }
+            if a.id == b.id {
+                assert_eq!(b.frame, a.frame + 1);
+                assert!((a.position + b.velocity * 0.1).distance(b.position) < 1e-9, "{a:?} {b:?}");
+                assert!(b.velocity.norm() < 2.5 + 1e-9 && (b.path == a.path || b.path == a.path + 1));
+            } else {
+                assert!(b.id > a.id && b.frame == 0 && a.frame == 600);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_preset_of_igibson_walks() {
+    let config: CrowdConfig = serde_json::from_str(r#"{"preset": "igibson"}"#).expect("a preset");
+    let (_, summary) = episodes(&hall(), &config, 4, 2);
+    println!("igibson: {summary:?}");
+    let each = (hall().free_area() / 8.0) as u64;
+    assert_eq!((summary.agents, summary.agent_steps), (4 * each, 4 * each * 500));
+    assert_eq!(summary.wall_hits + summary.blocked_centers, 0);
+    assert!(summary.arrived > 0);
+}
+
+#[test]
+fn navigation_episodes_have_one_robot_and_equal_lengths() {
+    let scene = Scene::new(&flat(), &CrowdConfig::default()).expect("a scene");
+    for robot in [Robot::Agent, Robot::Ghost] {
+        let config = NavConfig { robot, steps: 60 };
+        for number in 0..8 {
+            let episode = scene.navigation_episode(1, &[0; 32], number, &config).expect("an episode");
+            assert_eq!(episode, scene.navigation_episode(1, &[0; 32], number, &config).expect("the same"));
+            let own: Vec<&Sample> = episode.samples.iter().filter(|sample| sample.id == episode.robot).collect();
+            assert_eq!(own.len(), 61);
+            assert!(own.iter().all(|sample| sample.path == 0));
+            let agents = episode.samples.len() / 61;
+            assert!((6..=9).contains(&agents) && episode.samples.len() == agents * 61, "{agents}");
+            let length: f64 = own.windows(2).map(|pair| pair[0].position.distance(pair[1].position)).sum();
+            assert!(length > 2.0, "{length}");
+        }
+    }
+    // Who does not see the robot walks as if it were not there.
+    let crowd_of = |robot| {
+        let config = NavConfig { robot, steps: 60 };
+        let episode = scene.navigation_episode(1, &[0; 32], 3, &config).expect("an episode");
+        episode.samples.into_iter().filter(|sample| sample.id != episode.robot).collect::<Vec<_>>()
+    };
+    assert_eq!(crowd_of(Robot::Ghost).len(), crowd_of(Robot::Agent).len());
+    let closet = plan(&["#####", "#...#", "#...#", "#####"], 10);
+    let small = Scene::new(&closet, &CrowdConfig::default()).expect("a scene");
+    let error = small.navigation_episode(1, &[0; 32], 0, &NavConfig::default()).expect_err("too small");
+    assert!(error.to_string().contains("lower `steps`"), "{error}");
 }

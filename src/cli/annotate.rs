@@ -8,6 +8,7 @@ use super::error::CliError;
 use super::screen::Screen;
 use crate::domain::annotate::{AnnotateConfig, Mode, Normalize, Overlap};
 use crate::domain::map::ImportConfig;
+use crate::domain::quantize::OBSTACLE;
 use crate::domain::unet::DeviceName;
 use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
 use crate::report::picture::{Picture, Scale};
@@ -95,7 +96,9 @@ impl Args {
 
     fn picture(&self, heat: &Placed<Heat>) -> Vec<u8> {
         let name = self.map.display().to_string();
-        png::figure(&Picture::of_heat(heat), Scale::Linear, &name)
+        let walls = heat.value.classes.map(|class| *class == OBSTACLE);
+        let picture = Picture::values(heat.frame, heat.value.heat.clone(), Some(walls), "heat", None);
+        png::figure(&picture, Scale::Linear, &name)
     }
 
     fn write(&self, name: &str, bytes: &[u8], screen: &Screen) -> Result<(), CliError> {

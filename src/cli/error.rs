@@ -7,6 +7,7 @@ use super::screen::Screen;
 use crate::kinds::KindError;
 use crate::pipeline::error::PipelineError;
 use crate::pipeline::stage::StageError;
+use crate::report::ReportError;
 use crate::store::StoreError;
 
 /// Why a command failed.
@@ -20,6 +21,8 @@ pub enum CliError {
     Kind(#[from] KindError),
     #[error(transparent)]
     Stage(#[from] StageError),
+    #[error(transparent)]
+    Report(#[from] ReportError),
     /// The command cannot be carried out as it was given.
     #[error("{message}")]
     Request { message: String, help: Option<String> },
@@ -49,6 +52,7 @@ impl CliError {
         ExitCode::from(match self {
             Self::Pipeline(PipelineError::Store(error)) | Self::Store(error) => damaged(error),
             Self::Kind(KindError::Store(error)) | Self::Stage(StageError::Store(error)) => damaged(error),
+            Self::Report(ReportError::Store(error) | ReportError::Kind(KindError::Store(error))) => damaged(error),
             Self::Stage(StageError::Cancelled) => 130,
             Self::Stage(StageError::Failed { .. }) => 1,
             Self::Closed => 0,
@@ -62,6 +66,7 @@ impl CliError {
                 error.help()
             }
             Self::Kind(error) => error.help(),
+            Self::Report(error) => error.help(),
             Self::Stage(StageError::Failed { help, .. }) | Self::Request { help, .. } => help.clone(),
             _ => None,
         }

@@ -135,8 +135,9 @@ pub(super) fn cores() -> usize {
 }
 
 fn three_quarters() -> u64 {
-    let mut system = sysinfo::System::new();
+    const UNKNOWN: u64 = 8 << 30;
+    let Ok(mut system) = sysinfo::System::new() else { return UNKNOWN };
     system.refresh_memory();
     let total = system.cgroup_limits().map_or_else(|| system.total_memory(), |limits| limits.total_memory);
-    total / 4 * 3
+    if total == 0 { UNKNOWN } else { total / 4 * 3 }
 }

@@ -92,6 +92,10 @@ struct CellCounts {
 }
 
 impl Checkpoint {
+    /// Names of the files of the bundle.
+    pub const FILES: [&'static str; 4] =
+        ["config.json", "metrics.parquet", "model.safetensors", "optimizer.safetensors"];
+
     /// Encodes the files of the bundle by name.
     ///
     /// # Errors

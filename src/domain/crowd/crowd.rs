@@ -88,8 +88,11 @@ impl<'s> Crowd<'s> {
     }
 
     /// Adds an agent at rest with its preferred speed in m/s and the stream of its noise; returns its index.
+    ///
+    /// An agent that would start in a wall starts at the nearest place, at most a meter off, where it does not.
     pub fn add(&mut self, position: Point, speed: f64, noise: Stream) -> usize {
         let config = self.scene.config();
+        let position = self.scene.space().nearest_start(position, 1.0).unwrap_or(position);
         self.walkers.push(Walker::new(position, speed, noise, config.time_step));
         self.simulation.add_agent(
             position,

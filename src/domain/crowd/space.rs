@@ -181,6 +181,32 @@ impl FreeSpace {
         nearest
     }
 
+    /// Returns the point nearest to `position` at which a disc may start: itself, or the center of an open cell at most
+    /// `reach` meters off; `None` if there is none.
+    #[must_use]
+    pub fn nearest_start(&self, position: Point, reach: f64) -> Option<Point> {
+        if self.fits(position) {
+            return Some(position);
+        }
+        let frame = self.map.frame();
+        let (row, col) = frame.signed_cell(position);
+        let cells = (reach / frame.resolution).ceil() as isize;
+        let mut nearest = None;
+        let mut least = reach * reach;
+        for r in row - cells..=row + cells {
+            for c in col - cells..=col + cells {
+                if self.open.get(r, c) == Some(&true) {
+                    let center = frame.center(Cell::new(r as usize, c as usize));
+                    let distance = (center - position).norm_squared();
+                    if distance <= least {
+                        (nearest, least) = (Some(center), distance);
+                    }
+                }
+            }
+        }
+        nearest
+    }
+
     /// Returns the point to look from for an agent at `position`: itself, or the center of the nearest open cell where
     /// the agent is so near to a wall that its own cell is not open.
     #[must_use]

@@ -1,0 +1,337 @@
+//! What a run does, while it does it: bars on a terminal, lines elsewhere, or a stream of JSON.
+
+use std::collections::BTreeMap;
+use std::io::Write;
+use std::time::{Duration, Instant};
+
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::pipeline::event::{Counts, Event, RunState};
+use crate::store::{Outcome, RunStatus};
+
+/// How a run is followed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum BarStyle {
+    /// Bars on stderr: one for the run and one for each node that runs.
+    Terminal,
+    /// A line on stderr for each node that ran, failed or was skipped.
+    Plain,
+    /// Every event but progress as one line of JSON on stdout.
+    Json,
+    /// Nothing at all.
+    Quiet,
+}
+
+/// The most bars of running nodes.
+const MOST_BARS: usize = 8;
+/// How often a bar is drawn anew while nothing happens.
+const TICK: Duration = Duration::from_millis(200);
+/// The least time between two reports of the progress of one node.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// Follows a run.
+#[derive(Debug)]
+pub struct Bars {
+    style: BarStyle,
+    state: RunState,
+    drawn: Option<Drawn>,
+}
+
+/// The bars on a terminal.
+#[derive(Debug)]
+struct Drawn {
+    all: MultiProgress,
+    run: ProgressBar,
+    nodes: BTreeMap<String, NodeBar>,
+}
+
+#[derive(Debug)]
+struct NodeBar {
+    bar: ProgressBar,
+    sized: bool,
+    moved: Instant,
+}
+
+impl Bars {
+    /// Starts with nothing to show yet.
+    #[must_use]
+    pub fn new(style: BarStyle) -> Self {
+        Self { style, state: RunState::default(), drawn: None }
+    }
+
+    /// Returns where the run stands.
+    #[must_use]
+    pub const fn state(&self) -> &RunState {
+        &self.state
+    }
+
+    /// Takes in the next event and shows it.
+    pub fn hear(&mut self, event: &Event) {
+        self.state.apply(event);
+        match self.style {
+            BarStyle::Quiet => {}
+            BarStyle::Json => self.print_json(event),
+            BarStyle::Plain => {
+                for line in self.lines(event, false) {
+                    complain(&line);
+                }
+            }
+            BarStyle::Terminal => self.draw(event),
+        }
+    }
+
+    fn print_json(&self, event: &Event) {
+        if matches!(event, Event::Progress { .. }) {
+            return;
+        }
+        let line = serde_json::to_string(event).expect("an event is JSON");
+        // Nobody may be reading any more; the run goes on all the same.
+        let _ = writeln!(std::io::stdout().lock(), "{line}");
+    }
+
+    /// Returns what an event is worth saying in lines.
+    fn lines(&self, event: &Event, color: bool) -> Vec<String> {
+        let paint = |code: &str, text: &str| if color { format!("\x1b[{code}m{text}\x1b[0m") } else { text.to_owned() };
+        match event {
+            Event::RunStarted { pipeline, nodes, id, .. } if !color => {
+                vec![format!("{pipeline}: {nodes} nodes, run {id}")]
+            }
+            Event::Node { node, outcome, wall_s, error, help, .. } => match outcome {
+                Outcome::Hit => Vec::new(),
+                Outcome::Ran => {
+                    let place = format!("[{}/{}]", self.state.done(), self.state.nodes);
+                    vec![format!("{} {} {node} {}", paint("2", &place), paint("32", "ran"), paint("2", &seconds(*wall_s)))]
+                }
+                Outcome::Skipped => vec![format!("{} {node}", paint("33", "skipped"))],
+                Outcome::Failed => {
+                    let message = error.as_deref().unwrap_or("no reason was given");
+                    let mut lines = vec![format!("{} {node}: {message}", paint("1;31", "failed"))];
+                    lines.extend(help.iter().map(|help| format!("  help: {help}")));
+                    lines
+                }
+            },
+            Event::Warning { node, message } => {
+                let place = node.as_ref().map_or_else(String::new, |node| format!("`{node}`: "));
+                vec![format!("{}: {place}{message}", paint("33", "warning"))]
+            }
+            Event::Run { status, wall_s, .. } => vec![summary(&self.state.counts, *status, *wall_s)],
+            _ => Vec::new(),
+        }
+    }
+
+    fn draw(&mut self, event: &Event) {
+        if let Event::RunStarted { nodes, pipeline, .. } = event {
+            self.drawn = Some(Drawn::new(pipeline, *nodes));
+        }
+        let lines = self.lines(event, true);
+        let Some(drawn) = &mut self.drawn else {
+            lines.iter().for_each(|line| complain(line));
+            return;
+        };
+        // Bars would flicker for nodes that are over at once: a line is printed only for what went wrong.
+        let failed = matches!(event, Event::Node { outcome: Outcome::Failed, .. } | Event::Warning { .. });
+        if failed {
+            for line in &lines {
+                let _ = drawn.all.println(line);
+            }
+        }
+        drawn.follow(event, &self.state);
+        if matches!(event, Event::Run { .. }) {
+            self.drawn = None;
+            lines.iter().for_each(|line| complain(line));
+        }
+    }
+}
+
+impl Drawn {
+    fn new(pipeline: &str, nodes: usize) -> Self {
+        let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr_with_hz(10));
+        let run = all.add(ProgressBar::new(nodes as u64));
+        run.set_style(style("{prefix:.bold} {bar:32.green/black.bright} {pos}/{len}  {elapsed}  {wide_msg}"));
+        run.set_prefix(pipeline.to_owned());
+        Self { all, run, nodes: BTreeMap::new() }
+    }
+
+    fn follow(&mut self, event: &Event, state: &RunState) {
+        match event {
+            Event::NodeStarted { node, .. } => {
+                if self.nodes.len() < MOST_BARS {
+                    let bar = self.all.add(ProgressBar::new_spinner());
+                    bar.set_style(style("  {spinner:.cyan} {prefix}  {elapsed:.dim}"));
+                    bar.set_prefix(node.clone());
+                    bar.enable_steady_tick(TICK);
+                    self.nodes.insert(node.clone(), NodeBar { bar, sized: false, moved: Instant::now() });
+                }
+                self.run.enable_steady_tick(TICK);
+            }
+            Event::Progress { node, done, total } => {
+                if let Some(shown) = self.nodes.get_mut(node) {
+                    shown.advance(*done, *total);
+                }
+            }
+            Event::Node { node, .. } => {
+                if let Some(shown) = self.nodes.remove(node) {
+                    shown.bar.finish_and_clear();
+                    self.all.remove(&shown.bar);
+                }
+                self.run.set_position(state.done() as u64);
+                self.run.set_message(tally(&state.counts));
+            }
+            Event::Run { .. } => {
+                self.nodes.values().for_each(|shown| shown.bar.finish_and_clear());
+                self.run.finish_and_clear();
+                let _ = self.all.clear();
+            }
+            Event::RunStarted { .. } | Event::Warning { .. } => {}
+        }
+    }
+}
+
+impl NodeBar {
+    fn advance(&mut self, done: u64, total: u64) {
+        if !self.sized && total > 0 {
+            self.sized = true;
+            self.bar.set_length(total);
+            self.bar.set_style(style("  {spinner:.cyan} {prefix}  {bar:24.cyan/black.bright} {pos}/{len}  {eta:.dim}"));
+        } else if done < total && self.moved.elapsed() < PAUSE {
+            return;
+        }
+        self.moved = Instant::now();
+        self.bar.set_position(done);
+    }
+}
+
+fn style(template: &str) -> ProgressStyle {
+    let style = ProgressStyle::with_template(template).expect("the templates of this file are well formed");
+    style.progress_chars("━╸─").tick_chars("⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏ ")
+}
+
+/// Says how many nodes ended in each way: `12 ran, 48 hit`.
+#[must_use]
+pub fn tally(counts: &Counts) -> String {
+    let parts = [(counts.ran, "ran"), (counts.hit, "hit"), (counts.failed, "failed"), (counts.skipped, "skipped")];
+    let named: Vec<String> =
+        parts.iter().filter(|(count, _)| *count > 0).map(|(count, name)| format!("{count} {name}")).collect();
+    if named.is_empty() { "no nodes".to_owned() } else { named.join(", ") }
+}
+
+/// Writes a duration for people.
+#[must_use]
+pub fn seconds(seconds: f64) -> String {
+    match seconds {
+        s if s < 0.0095 => format!("{:.1} ms", s * 1e3),
+        s if s < 0.995 => format!("{:.0} ms", s * 1e3),
+        s if s < 59.95 => format!("{s:.1} s"),
+        s => {
+            let whole = s.round() as u64;
+            let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
+            if hours > 0 { format!("{hours} h {minutes:02} min") } else { format!("{minutes} min {seconds:02} s") }
+        }
+    }
+}
+
+fn summary(counts: &Counts, status: RunStatus, wall_s: f64) -> String {
+    let end = match status {
+        RunStatus::Finished => "finished",
+        RunStatus::Failed => "failed",
+        RunStatus::Interrupted => "interrupted",
+    };
+    format!("{end} in {}: {}", seconds(wall_s), tally(counts))
+}
+
+/// Prints to stderr; there is nowhere left to say that it is closed.
+fn complain(line: &str) {
+    let _ = writeln!(std::io::stderr().lock(), "{line}");
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::store::Role;
+
+    fn node(name: &str, outcome: Outcome) -> Event {
+        Event::Node {
+            node: name.to_owned(),
+            outcome,
+            digest: None,
+            role: Role::Node,
+            stage: "quantize".to_owned(),
+            kind: "Labels".to_owned(),
+            wall_s: 1.25,
+            error: (outcome == Outcome::Failed).then(|| "no free cell".to_owned()),
+            help: (outcome == Outcome::Failed).then(|| "draw one".to_owned()),
+        }
+    }
+
+    fn lines(events: &[Event]) -> Vec<String> {
+        let mut bars = Bars::new(BarStyle::Quiet);
+        let mut said = Vec::new();
+        for event in events {
+            bars.hear(event);
+            said.extend(bars.lines(event, false));
+        }
+        said
+    }
+
+    #[test]
+    fn hits_are_counted_but_not_told() {
+        let said = lines(&[
+            Event::RunStarted { id: "r1".to_owned(), pipeline: "homes".to_owned(), file: String::new(), nodes: 4 },
+            node("labels/a", Outcome::Hit),
+            node("labels/b", Outcome::Ran),
+            Event::Warning { node: Some("labels/b".to_owned()), message: "odd".to_owned() },
+            node("labels/c", Outcome::Failed),
+            node("tiles", Outcome::Skipped),
+            Event::Run {
+                ran: 1,
+                hit: 1,
+                failed: 1,
+                skipped: 1,
+                wall_s: 75.0,
+                id: "r1".to_owned(),
+                status: RunStatus::Failed,
+            },
+        ]);
+        assert_eq!(
+            said,
+            [
+                "homes: 4 nodes, run r1",
+                "[2/4] ran labels/b 1.2 s",
+                "warning: `labels/b`: odd",
+                "failed labels/c: no free cell",
+                "  help: draw one",
+                "skipped tiles",
+                "failed in 1 min 15 s: 1 ran, 1 hit, 1 failed, 1 skipped",
+            ]
+        );
+    }
+
+    #[test]
+    fn bars_survive_any_order_of_events() {
+        // Nothing can be seen here: stderr is no terminal. The templates are parsed and bars come and go.
+        let mut bars = Bars::new(BarStyle::Terminal);
+        let started = |node: &str| Event::NodeStarted { node: node.to_owned(), stage: String::new(), role: Role::Node };
+        bars.hear(&Event::RunStarted { id: "r".to_owned(), pipeline: "p".to_owned(), file: String::new(), nodes: 30 });
+        for i in 0..20 {
+            bars.hear(&started(&format!("walks/{i}")));
+            bars.hear(&Event::Progress { node: format!("walks/{i}"), done: 3, total: 7 });
+            bars.hear(&Event::Progress { node: "unknown".to_owned(), done: 3, total: 0 });
+        }
+        for i in 0..20 {
+            bars.hear(&node(&format!("walks/{i}"), Outcome::Ran));
+        }
+        assert_eq!((bars.state().done(), bars.state().running.len()), (20, 0));
+        let drawn = bars.drawn.as_ref().expect("the run has begun");
+        assert_eq!((drawn.run.position(), drawn.nodes.len()), (20, 0));
+    }
+
+    #[test]
+    fn durations_are_short() {
+        let check = |value, expected: &str| assert_eq!(seconds(value), expected);
+        check(0.0012, "1.2 ms");
+        check(0.25, "250 ms");
+        check(59.9, "59.9 s");
+        check(60.0, "1 min 00 s");
+        check(7500.0, "2 h 05 min");
+    }
+}

@@ -1,0 +1,82 @@
+//! The report of a run: one HTML file that works offline.
+//!
+//! Everything it shows is in it: rasters as PNG in data URIs, everything else as text and SVG. It finds what to show by the
+//! kinds of the nodes and by what reads what, so it works for any pipeline. What costs time is drawn once and kept
+//! ([`cache`]); only the head, the graph of stages and the table of nodes are drawn for each run.
+
+mod cache;
+mod figure;
+mod lineage;
+mod maps;
+mod nodes;
+mod numbers;
+mod page;
+mod training;
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use rayon::prelude::*;
+
+use super::ReportError;
+use crate::store::{Run, Store};
+use cache::{Cache, Fragment};
+use lineage::Lineage;
+
+/// Writes the report of a run to `runs/<id>/report.html` and returns where that is.
+///
+/// # Errors
+/// [`ReportError::Write`] if the file cannot be written. What cannot be read is no error: the report says what is missing.
+pub fn write(store: &Store, run: &Run) -> Result<PathBuf, ReportError> {
+    let folder = store.run_dir(&run.id);
+    let path = folder.join("report.html");
+    let page = render(store, run);
+    save(&folder, &path, page.as_bytes()).map_err(|source| ReportError::Write { path: path.clone(), source })?;
+    Ok(path)
+}
+
+/// Returns the report of a run.
+#[must_use]
+pub fn render(store: &Store, run: &Run) -> String {
+    let lineage = Lineage::new(run);
+    let cache = Cache::of(store);
+    let results = cache.fragment(&fingerprint(run), || results(&Source { store, cache: &cache, lineage: &lineage }));
+    page::page(&lineage, &results.html)
+}
+
+/// Where sections find what they show.
+struct Source<'a> {
+    store: &'a Store,
+    cache: &'a Cache,
+    lineage: &'a Lineage<'a>,
+}
+
+/// Names all that the results depend on.
+fn fingerprint(run: &Run) -> String {
+    let mut text = String::from("results\n");
+    for node in &run.nodes {
+        let digest = node.artifact.as_ref().map_or_else(String::new, |artifact| artifact.digest.to_hex());
+        text.push_str(&format!("{} {:?} {} {} {digest} {}\n", node.node, node.role, node.stage, node.kind, node.inputs.join(" ")));
+    }
+    text
+}
+
+/// Draws all sections between the head and the graph.
+fn results(source: &Source<'_>) -> Fragment {
+    let sections: [fn(&Source<'_>) -> Fragment; 4] =
+        [numbers::section, maps::featured, training::section, maps::gallery];
+    let drawn: Vec<Fragment> = sections.par_iter().map(|section| section(source)).collect();
+    Fragment { html: drawn.iter().map(|part| part.html.as_str()).collect(), whole: drawn.iter().all(|part| part.whole) }
+}
+
+/// Writes a file under another name first, so that nobody sees half of it.
+fn save(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    fs::create_dir_all(folder)?;
+    let mut file = tempfile::Builder::new().prefix(".report-").tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    let readable = std::os::unix::fs::PermissionsExt::from_mode(0o644);
+    fs::set_permissions(file.path(), readable)?;
+    file.persist(path)?;
+    Ok(())
+}

@@ -1,0 +1,106 @@
+//! The page: head, style, what failed, results, pipeline, source.
+
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use super::lineage::Lineage;
+use super::nodes;
+use crate::pipeline::event::Counts;
+use crate::report::bars::{seconds, tally};
+use crate::store::{Outcome, Run, RunStatus};
+
+const STYLE: &str = include_str!("style.css");
+/// The most failures that are told at the top.
+const MOST_FAILURES: usize = 20;
+
+/// Puts the page together.
+#[must_use]
+pub fn page(lineage: &Lineage<'_>, results: &str) -> String {
+    let run = lineage.run;
+    html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width, initial-scale=1";
+                meta name="color-scheme" content="light dark";
+                title { (run.pipeline) " · " (run.id) " · trodden" }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                (head(run))
+                main {
+                    (troubles(run))
+                    (PreEscaped(results))
+                    (nodes::section(lineage))
+                    section id="source" {
+                        h2 { "Pipeline file" }
+                        p.muted { code { (run.file) } ", with everything that was set from outside" }
+                        pre { code { (run.source) } }
+                    }
+                }
+                footer { "Written by trodden " (run.version) ". This page needs nothing but itself." }
+            }
+        }
+    }
+    .into_string()
+}
+
+fn head(run: &Run) -> Markup {
+    let (class, status) = match run.status {
+        RunStatus::Finished => ("ran", "finished"),
+        RunStatus::Failed => ("bad", "failed"),
+        RunStatus::Interrupted => ("left", "interrupted"),
+    };
+    let mut counts = Counts::default();
+    run.nodes.iter().for_each(|node| counts.add(node.outcome));
+    html! {
+        header {
+            p.kicker { "trodden · report of a run" }
+            h1 { (run.pipeline) " " span.status.(class) { (status) } }
+            dl {
+                div { dt { "run" } dd { code { (run.id) } } }
+                div { dt { "began" } dd { (run.started.replace('T', " ")) } }
+                div { dt { "took" } dd { (seconds(run.wall_s)) } }
+                div { dt { "nodes" } dd { (run.nodes.len()) ": " (tally(&counts)) } }
+                div { dt { "again" } dd { code { "trodden run " (run.file) } } }
+            }
+            nav {
+                a href="#figures" { "Key figures" } a href="#maps" { "Maps" } a href="#training" { "Training" }
+                a href="#gallery" { "Gallery" } a href="#nodes" { "Pipeline" } a href="#source" { "Source" }
+            }
+        }
+    }
+}
+
+/// Tells what failed, what is missing therefore, and what was odd.
+fn troubles(run: &Run) -> Markup {
+    let failed: Vec<_> = run.nodes.iter().filter(|node| node.outcome == Outcome::Failed).collect();
+    let skipped: Vec<&str> =
+        run.nodes.iter().filter(|node| node.outcome == Outcome::Skipped).map(|node| node.node.as_str()).collect();
+    html! {
+        @if !failed.is_empty() || !skipped.is_empty() || run.status != RunStatus::Finished {
+            section.trouble {
+                h2 { "What is missing" }
+                @for node in failed.iter().take(MOST_FAILURES) {
+                    p { code { (node.node) } " failed: " (node.error.as_deref().unwrap_or("no reason was given")) }
+                }
+                @if failed.len() > MOST_FAILURES { p { "… and " (failed.len() - MOST_FAILURES) " more." } }
+                @if !skipped.is_empty() {
+                    details {
+                        summary { (skipped.len()) " skipped" }
+                        p { (skipped.join(", ")) }
+                    }
+                }
+                @if run.status == RunStatus::Interrupted {
+                    p { "The run was interrupted; what it had finished is here. The same command goes on from there." }
+                }
+            }
+        }
+        @if !run.warnings.is_empty() {
+            section.trouble.mild {
+                h2 { "Warnings" }
+                @for warning in &run.warnings { p { (warning) } }
+            }
+        }
+    }
+}

@@ -1,0 +1,57 @@
+//! Shows. Progress bars, pictures in the terminal and as PNG, and the report of a run as one HTML file.
+//!
+//! - [`bars`]: what a run does, while it does it;
+//! - [`picture`]: an artifact as something to look at; [`terminal`] and [`png`] draw it, and so does [`html`];
+//! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
+//! - [`html`]: the report of a run.
+//!
+//! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
+
+mod axis;
+pub mod bars;
+mod canvas;
+pub mod charts;
+mod colors;
+pub mod html;
+pub mod picture;
+pub mod png;
+mod shown;
+pub mod terminal;
+mod tracks;
+
+use std::path::PathBuf;
+
+use crate::kinds::{KindError, TableError};
+use crate::store::StoreError;
+
+/// What keeps something from being shown.
+#[derive(Debug, thiserror::Error)]
+pub enum ReportError {
+    /// The store has it not, or not whole.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// The artifact is not what its kind says.
+    #[error(transparent)]
+    Kind(#[from] KindError),
+    /// A table cannot be read.
+    #[error(transparent)]
+    Table(#[from] TableError),
+    #[error("there is no way to show a `{kind}`")]
+    UnknownKind { kind: String },
+    #[error("failed to write the report to `{}`", path.display())]
+    Write { path: PathBuf, #[source] source: std::io::Error },
+}
+
+impl ReportError {
+    /// Returns advice for a help line, if there is any.
+    #[must_use]
+    pub fn help(&self) -> Option<String> {
+        match self {
+            Self::Store(error) => error.help(),
+            Self::Kind(error) => error.help(),
+            Self::Table(error) => error.help(),
+            Self::UnknownKind { .. } => Some("a newer version of trodden may have made it".to_owned()),
+            Self::Write { .. } => Some("make room, or let yourself write there: the artifacts are safe".to_owned()),
+        }
+    }
+}

@@ -1,0 +1,233 @@
+//! Pictures: what an artifact looks like, before anybody has drawn it.
+
+use crate::domain::geometry::{Cell, Frame, Grid};
+use crate::domain::map::OccupancyMap;
+use crate::domain::quantize::{OBSTACLE, UNLABELED};
+
+use super::axis::Axis;
+use super::colors::{self, Rgb};
+
+pub use super::shown::Shown;
+
+/// How values become colors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Scale {
+    /// In proportion to the value.
+    Linear,
+    /// In proportion to its logarithm.
+    Log,
+}
+
+/// A picture, cell by cell.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Picture {
+    /// Where it lies; a picture of windows lies nowhere.
+    frame: Option<Frame>,
+    layer: Layer,
+}
+
+/// What a picture shows.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) enum Layer {
+    /// Whether each cell is free.
+    Map(Grid<bool>),
+    /// A number for each cell.
+    Values {
+        values: Grid<f32>,
+        /// Blocked cells, where they are known.
+        walls: Option<Grid<bool>>,
+        /// What the numbers count: `visits`, `heat`.
+        unit: &'static str,
+        /// What a zero on a free cell is called, if it is no value.
+        empty: Option<&'static str>,
+    },
+    /// A class for each cell, from 1 to `count`, or one of the two special ones.
+    Classes { classes: Grid<i8>, count: u8, unlabeled: &'static str },
+    /// Colors that need no scale.
+    Painted { pixels: Grid<Rgb>, legend: Vec<(String, Rgb)> },
+}
+
+/// What a cell has to be drawn as.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Ink {
+    Wall,
+    /// Free, without a value.
+    Empty,
+    /// Free, on a bare map.
+    Free,
+    /// A share of the scale.
+    Value(f64),
+    Class(i8, u8),
+    Color(Rgb),
+}
+
+impl Ink {
+    pub(super) fn color(self) -> Rgb {
+        match self {
+            Self::Wall => colors::WALL,
+            Self::Empty => colors::EMPTY,
+            Self::Free => colors::FREE,
+            Self::Value(share) => colors::value(share),
+            Self::Class(class, count) => colors::class(class, count),
+            Self::Color(color) => color,
+        }
+    }
+}
+
+/// What explains the colors of a picture.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Key {
+    /// The axis of a color bar and what it measures.
+    pub bar: Option<(Axis, &'static str)>,
+    /// Colors with a name of their own.
+    pub legend: Vec<(String, Rgb)>,
+}
+
+impl Picture {
+    /// Draws a map.
+    #[must_use]
+    pub fn map(map: &OccupancyMap) -> Self {
+        Self { frame: Some(*map.frame()), layer: Layer::Map(map.free().clone()) }
+    }
+
+    /// Draws numbers over a map whose walls may not be known.
+    ///
+    /// `empty` names zeros on free cells if they are no value; `walls` are the blocked cells.
+    ///
+    /// # Panics
+    /// If the grids are not of the frame's size.
+    #[must_use]
+    pub fn values(
+        frame: Frame,
+        values: Grid<f32>,
+        walls: Option<Grid<bool>>,
+        unit: &'static str,
+        empty: Option<&'static str>,
+    ) -> Self {
+        assert_eq!((values.rows(), values.cols()), (frame.rows, frame.cols), "a value for each cell");
+        assert!(walls.as_ref().is_none_or(|walls| walls.len() == values.len()), "a wall or none for each cell");
+        Self { frame: Some(frame), layer: Layer::Values { values, walls, unit, empty } }
+    }
+
+    /// Draws classes; `unlabeled` names the free cells without one.
+    #[must_use]
+    pub fn classes(frame: Frame, classes: Grid<i8>, count: u8, unlabeled: &'static str) -> Self {
+        Self { frame: Some(frame), layer: Layer::Classes { classes, count, unlabeled } }
+    }
+
+    /// Shows colors as they are.
+    #[must_use]
+    pub(super) const fn painted(frame: Option<Frame>, pixels: Grid<Rgb>, legend: Vec<(String, Rgb)>) -> Self {
+        Self { frame, layer: Layer::Painted { pixels, legend } }
+    }
+
+    /// Puts in the walls of a map, if the picture is of its size and has none yet.
+    #[must_use]
+    pub fn over(mut self, map: &OccupancyMap) -> Self {
+        if let Layer::Values { values, walls, .. } = &mut self.layer
+            && (values.rows(), values.cols()) == (map.free().rows(), map.free().cols())
+        {
+            *walls = Some(map.free().map(|free| !free));
+        }
+        self
+    }
+
+    /// Returns where the picture lies.
+    #[must_use]
+    pub const fn frame(&self) -> Option<&Frame> {
+        self.frame.as_ref()
+    }
+
+    /// Returns the height in cells.
+    #[must_use]
+    pub const fn rows(&self) -> usize {
+        match &self.layer {
+            Layer::Map(grid) => grid.rows(),
+            Layer::Values { values, .. } => values.rows(),
+            Layer::Classes { classes, .. } => classes.rows(),
+            Layer::Painted { pixels, .. } => pixels.rows(),
+        }
+    }
+
+    /// Returns the width in cells.
+    #[must_use]
+    pub const fn cols(&self) -> usize {
+        match &self.layer {
+            Layer::Map(grid) => grid.cols(),
+            Layer::Values { values, .. } => values.cols(),
+            Layer::Classes { classes, .. } => classes.cols(),
+            Layer::Painted { pixels, .. } => pixels.cols(),
+        }
+    }
+
+    /// Tells whether it makes a difference how values become colors.
+    #[must_use]
+    pub const fn has_scale(&self) -> bool {
+        matches!(self.layer, Layer::Values { .. })
+    }
+
+    /// Decides for each cell what it has to be drawn as.
+    pub(super) fn inks(&self, scale: Scale) -> Grid<Ink> {
+        match &self.layer {
+            Layer::Map(free) => free.map(|free| if *free { Ink::Free } else { Ink::Wall }),
+            Layer::Values { values, walls, empty, .. } => {
+                let axis = self.axis(scale).expect("values have an axis");
+                Grid::from_fn(values.rows(), values.cols(), |cell: Cell| {
+                    let value = f64::from(values[cell]);
+                    if walls.as_ref().is_some_and(|walls| walls[cell]) {
+                        Ink::Wall
+                    } else if !value.is_finite() || (value <= 0.0 && empty.is_some()) {
+                        Ink::Empty
+                    } else {
+                        Ink::Value(axis.at(value))
+                    }
+                })
+            }
+            Layer::Classes { classes, count, .. } => classes.map(|class| match *class {
+                OBSTACLE => Ink::Wall,
+                class if class <= UNLABELED => Ink::Empty,
+                class => Ink::Class(class, *count),
+            }),
+            Layer::Painted { pixels, .. } => pixels.map(|color| Ink::Color(*color)),
+        }
+    }
+
+    /// Paints the cells.
+    pub(super) fn paint(&self, scale: Scale) -> Grid<Rgb> {
+        self.inks(scale).map(|ink| ink.color())
+    }
+
+    fn axis(&self, scale: Scale) -> Option<Axis> {
+        let Layer::Values { values, walls, .. } = &self.layer else { return None };
+        let open = |i: usize| walls.as_ref().is_none_or(|walls| !walls.as_slice()[i]);
+        let numbers = values.as_slice().iter().enumerate().filter(|(i, _)| open(*i)).map(|(_, v)| f64::from(*v));
+        Some(Axis::of(numbers, scale))
+    }
+
+    /// Returns what explains the colors.
+    pub(super) fn key(&self, scale: Scale) -> Key {
+        let named = |name: &str, color| (name.to_owned(), color);
+        match &self.layer {
+            Layer::Map(_) => Key { bar: None, legend: vec![named("free", colors::FREE), named("blocked", colors::WALL)] },
+            Layer::Values { walls, unit, empty, .. } => {
+                let mut legend = Vec::new();
+                if walls.is_some() {
+                    legend.push(named("blocked", colors::WALL));
+                }
+                legend.extend(empty.map(|empty| named(empty, colors::EMPTY)));
+                Key { bar: Some((self.axis(scale).expect("values have an axis"), unit)), legend }
+            }
+            Layer::Classes { classes, count, unlabeled } => {
+                let last = i8::try_from(*count).unwrap_or(i8::MAX);
+                let mut legend: Vec<_> =
+                    (1..=last).map(|class| (format!("class {class}"), colors::class(class, *count))).collect();
+                if classes.as_slice().iter().any(|class| *class <= UNLABELED) {
+                    legend.push(named(unlabeled, colors::EMPTY));
+                }
+                legend.push(named("blocked", colors::WALL));
+                Key { bar: None, legend }
+            }
+            Layer::Painted { legend, .. } => Key { bar: None, legend: legend.clone() },
+        }
+    }
+}

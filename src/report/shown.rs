@@ -1,0 +1,338 @@
+//! An artifact as something to look at: facts, a picture, a table.
+
+use polars::prelude::DataFrame;
+
+use crate::domain::crowd::Summary;
+use crate::domain::geometry::{Cell, Frame, Grid};
+use crate::domain::map::OccupancyMap;
+use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE, UNLABELED};
+use crate::domain::raster::VisitCounts;
+use crate::domain::score::ClassScores;
+use crate::domain::social::SocialCosts;
+use crate::domain::tiles::Tiles;
+use crate::domain::tracks::Tracks;
+use crate::kinds::parquet::Table;
+use crate::kinds::{Checkpoint, Heat, Kind, NavEpisodes, Placed, TrackReader, data_frame};
+use crate::store::{Artifact, FileRef, Store};
+
+use super::axis::number;
+use super::colors;
+use super::picture::Picture;
+use super::tracks::{self, PathCounter};
+use super::{ReportError, bars};
+
+/// The most windows on a contact sheet.
+const MOST_WINDOWS: usize = 32;
+
+/// An artifact as something to look at.
+#[derive(Debug)]
+pub struct Shown {
+    facts: Vec<(String, String)>,
+    picture: Option<Picture>,
+    table: Option<DataFrame>,
+}
+
+impl Shown {
+    /// Reads an artifact of a kind.
+    ///
+    /// # Errors
+    /// [`ReportError`] if it is not in the store, damaged, or of a kind that is not known here.
+    pub fn of(store: &Store, kind: &str, artifact: &Artifact) -> Result<Self, ReportError> {
+        match kind {
+            "OccupancyMap" => Ok(Self::map(&Kind::read(store, artifact)?)),
+            "VisitCounts" => Ok(Self::visits(&Kind::read(store, artifact)?)),
+            "Labels" => Ok(Self::labels(&Kind::read(store, artifact)?)),
+            "Heat" => Ok(Self::heat(&Kind::read(store, artifact)?)),
+            "Trajectories" => Self::trajectories(store, artifact),
+            "NavEpisodes" => Ok(Self::nav_episodes(&Kind::read(store, artifact)?)),
+            "Tiles" => Ok(Self::tiles(&Kind::read(store, artifact)?)),
+            "Checkpoint" => Self::checkpoint(store, artifact),
+            "ClassScores" => Self::with_table(store, artifact, class_scores(&Kind::read(store, artifact)?)),
+            "SocialCosts" => Self::with_table(store, artifact, social_costs(&Kind::read(store, artifact)?)),
+            _ => Err(ReportError::UnknownKind { kind: kind.to_owned() }),
+        }
+    }
+
+    /// Returns names and values of what can be said in a line each.
+    #[must_use]
+    pub fn facts(&self) -> &[(String, String)] {
+        &self.facts
+    }
+
+    /// Returns the picture, if it has one.
+    #[must_use]
+    pub const fn picture(&self) -> Option<&Picture> {
+        self.picture.as_ref()
+    }
+
+    /// Returns the table, if it is one.
+    #[must_use]
+    pub const fn table(&self) -> Option<&DataFrame> {
+        self.table.as_ref()
+    }
+
+    const fn drawn(facts: Vec<(String, String)>, picture: Picture) -> Self {
+        Self { facts, picture: Some(picture), table: None }
+    }
+
+    fn with_table(store: &Store, artifact: &Artifact, facts: Vec<(String, String)>) -> Result<Self, ReportError> {
+        let table = artifact.files.first().map(|file| read_table(store, file)).transpose()?;
+        Ok(Self { facts, picture: None, table })
+    }
+
+    fn map(map: &OccupancyMap) -> Self {
+        let mut facts = place(map.frame());
+        facts.push(fact("free area", format!("{:.1} m² ({})", map.free_area(), share(map.free_cells(), map.free().len()))));
+        Self::drawn(facts, Picture::map(map))
+    }
+
+    fn visits(placed: &Placed<VisitCounts>) -> Self {
+        let counts = placed.value.counts.as_slice();
+        let visited = counts.iter().filter(|count| **count > 0).count();
+        let mut facts = place(&placed.frame);
+        facts.push(fact("paths", placed.value.paths));
+        facts.push(fact("visited cells", format!("{visited} ({})", share(visited, counts.len()))));
+        facts.push(fact("most visits", counts.iter().max().copied().unwrap_or(0)));
+        Self::drawn(facts, visits_picture(placed))
+    }
+
+    fn labels(placed: &Placed<Labels>) -> Self {
+        let mut facts = place(&placed.frame);
+        facts.extend(class_facts(&placed.value.class_counts()));
+        Self::drawn(facts, labels_picture(placed))
+    }
+
+    fn heat(placed: &Placed<Heat>) -> Self {
+        let Heat { heat, classes, .. } = &placed.value;
+        let free = |i: usize| classes.as_slice()[i] != OBSTACLE;
+        let values: Vec<f64> =
+            heat.as_slice().iter().enumerate().filter(|(i, _)| free(*i)).map(|(_, value)| f64::from(*value)).collect();
+        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        let mut facts = place(&placed.frame);
+        facts.push(fact("heat", format!("mean {}, most {}", number(mean), number(values.iter().copied().fold(0.0, f64::max)))));
+        facts.extend(class_facts(&ClassCounts::of(heat_class_count(&placed.value), classes.as_slice())));
+        Self::drawn(facts, heat_picture(placed))
+    }
+
+    fn trajectories(store: &Store, artifact: &Artifact) -> Result<Self, ReportError> {
+        let mut counter: Option<(PathCounter, Frame, f64)> = None;
+        let (mut samples, mut episodes, mut agents) = (0u64, 0u64, 0u64);
+        let mut last = None;
+        for chunk in TrackReader::chunks(store, artifact) {
+            let chunk = chunk?;
+            let (frame, rate) = (chunk.frame, chunk.frame_rate);
+            let (counter, ..) = counter.get_or_insert_with(|| (PathCounter::new(&frame), frame, rate));
+            for batch in chunk {
+                for sample in &batch? {
+                    samples += 1;
+                    episodes += u64::from(last.is_none_or(|(episode, _)| episode != sample.episode));
+                    agents += u64::from(last != Some((sample.episode, sample.id)));
+                    last = Some((sample.episode, sample.id));
+                    counter.push(sample);
+                }
+            }
+        }
+        let Some((counter, frame, rate)) = counter else {
+            return Ok(Self { facts: vec![fact("samples", 0)], picture: None, table: None });
+        };
+        let mut facts = place(&frame);
+        facts.push(fact("episodes", format!("{episodes} with {agents} agents on {} paths", counter.paths())));
+        facts.push(fact("samples", format!("{samples} at {} frames/s", number(rate))));
+        facts.extend(crowd_summary(store, artifact)?.iter().flat_map(crowd_facts));
+        Ok(Self::drawn(facts, counter.finish()))
+    }
+
+    fn nav_episodes(placed: &Placed<NavEpisodes>) -> Self {
+        let steps = placed.value.steps();
+        let lengths = || steps.iter().map(|episode| episode.robot.len());
+        let agents = steps.iter().map(|episode| episode.pedestrians.first().map_or(0, Vec::len));
+        let mut facts = place(&placed.frame);
+        facts.push(fact("episodes", steps.len()));
+        facts.push(fact("pedestrians", range(agents)));
+        let time = bars::seconds(lengths().max().unwrap_or(0) as f64 / placed.value.frame_rate);
+        facts.push(fact("robot path", format!("{} steps, {time}", range(lengths()))));
+        Self::drawn(facts, tracks::episodes(&placed.frame, &placed.value, None))
+    }
+
+    fn tiles(tiles: &Tiles) -> Self {
+        let mean = tiles.labeled_share.iter().map(|share| f64::from(*share)).sum::<f64>() / tiles.len().max(1) as f64;
+        let mut facts = vec![
+            fact("windows", format!("{} of {} × {} cells on {} maps", tiles.len(), tiles.size, tiles.size, tiles.maps.len())),
+            fact("samples", format!("{} with rotations and mirrorings", tiles.samples())),
+            fact("labeled", format!("{:.1} % of a window on average", 100.0 * mean)),
+        ];
+        facts.extend(class_facts(&tiles.class_counts()));
+        Self { facts, picture: contact_sheet(tiles), table: None }
+    }
+
+    fn checkpoint(store: &Store, artifact: &Artifact) -> Result<Self, ReportError> {
+        let checkpoint: Checkpoint = Kind::read(store, artifact)?;
+        let config = &checkpoint.config;
+        let parameters: usize = checkpoint.state.model.values().map(|array| array.values.len()).sum();
+        let list = |values: &[f64]| values.iter().map(|value| number(*value)).collect::<Vec<_>>().join(", ");
+        let facts = vec![
+            fact("epochs", checkpoint.state.epoch),
+            fact("parameters", parameters),
+            fact("window", format!("{0} × {0} cells", config.window)),
+            fact("classes", config.classes()),
+            fact("batch", config.batch),
+            fact("learning rate", config.learning_rate),
+            fact("class distribution", list(&config.distribution())),
+            fact("class weights", list(&config.class_weights())),
+        ];
+        let table = artifact.file("metrics.parquet").map(|file| read_table(store, file)).transpose()?;
+        Ok(Self { facts, picture: None, table })
+    }
+}
+
+/// Draws visit counts.
+pub(super) fn visits_picture(placed: &Placed<VisitCounts>) -> Picture {
+    let values = placed.value.counts.map(|count| *count as f32);
+    Picture::values(placed.frame, values, None, "visits", Some("not visited"))
+}
+
+/// Draws labels.
+pub(super) fn labels_picture(placed: &Placed<Labels>) -> Picture {
+    Picture::classes(placed.frame, placed.value.classes.clone(), placed.value.count, "not visited")
+}
+
+/// Draws the heat of a prediction.
+pub(super) fn heat_picture(placed: &Placed<Heat>) -> Picture {
+    let walls = placed.value.classes.map(|class| *class == OBSTACLE);
+    Picture::values(placed.frame, placed.value.heat.clone(), Some(walls), "heat", None)
+}
+
+/// Draws the classes of a prediction.
+pub(super) fn prediction_picture(placed: &Placed<Heat>) -> Picture {
+    Picture::classes(placed.frame, placed.value.classes.clone(), heat_class_count(&placed.value), "not predicted")
+}
+
+fn heat_class_count(heat: &Heat) -> u8 {
+    u8::try_from(heat.probabilities.len().saturating_sub(1)).expect("a heat has at most 16 classes")
+}
+
+/// Adds up what the files of trajectories say of how they were simulated; `None` if one of them says nothing.
+///
+/// # Errors
+/// [`ReportError`] if a file is missing or damaged.
+pub(super) fn crowd_summary(store: &Store, artifact: &Artifact) -> Result<Option<Summary>, ReportError> {
+    let mut sum = Summary::default();
+    for file in &artifact.files {
+        let table = Table::open(Placed::<Tracks>::NAME, Placed::<Tracks>::FORMAT, store.read(&file.digest)?)?;
+        let Some(part) = table.text("summary").ok().and_then(|text| serde_json::from_str(text).ok()) else {
+            return Ok(None);
+        };
+        sum += part;
+    }
+    Ok(Some(sum))
+}
+
+fn crowd_facts(summary: &Summary) -> Vec<(String, String)> {
+    vec![
+        fact("stuck paths", format!("{} of {} ({:.2} %)", summary.stuck, summary.paths, 100.0 * summary.stuck_share())),
+        fact("discs in walls", format!("{} of {} positions", summary.wall_hits, summary.agent_steps)),
+    ]
+}
+
+/// Sets windows beside each other, evenly spaced among all of them: occupancy above, classes below.
+fn contact_sheet(tiles: &Tiles) -> Option<Picture> {
+    let count = tiles.len().min(MOST_WINDOWS);
+    if count == 0 {
+        return None;
+    }
+    let (size, gap) = (tiles.size, 3);
+    let across = (count as f64 * 2.0).sqrt().ceil() as usize;
+    let down = count.div_ceil(across);
+    let (wide, high) = (size + gap, 2 * size + 2 * gap + 1);
+    let mut pixels = Grid::filled(down * high - gap, across * wide - gap, colors::PAPER);
+    let mut put = |window: usize, slot: usize| {
+        let (top, left) = (slot / across * high, slot % across * wide);
+        let (occupancy, labels) = (tiles.occupancy_of(window), tiles.labels_of(window));
+        for i in 0..size * size {
+            let (row, col) = (top + i / size, left + i % size);
+            pixels[Cell::new(row, col)] = if occupancy[i] > 0 { colors::FREE } else { colors::WALL };
+            pixels[Cell::new(row + size + 1, col)] = match labels[i] {
+                OBSTACLE => colors::WALL,
+                class if class <= UNLABELED => colors::EMPTY,
+                class => colors::class(class, tiles.classes),
+            };
+        }
+    };
+    (0..count).for_each(|slot| put(slot * tiles.len() / count, slot));
+    let last = i8::try_from(tiles.classes).expect("at most 16 classes");
+    let mut legend: Vec<_> = (1..=last).map(|class| (format!("class {class}"), colors::class(class, tiles.classes))).collect();
+    legend.extend([
+        ("unlabeled".to_owned(), colors::EMPTY),
+        ("blocked".to_owned(), colors::WALL),
+        ("free".to_owned(), colors::FREE),
+    ]);
+    Some(Picture::painted(None, pixels, legend))
+}
+
+fn read_table(store: &Store, file: &FileRef) -> Result<DataFrame, ReportError> {
+    Ok(data_frame(store.read(&file.digest)?)?)
+}
+
+fn class_scores(scores: &ClassScores) -> Vec<(String, String)> {
+    let confusion = &scores.confusion;
+    vec![
+        fact("labeled cells", confusion.total()),
+        fact("AUC", figure(scores.auc)),
+        fact("AUC of the distance to the nearest wall", figure(scores.auc_wall_distance())),
+        fact("Spearman with visits", figure(scores.spearman_visits)),
+        fact("mean recall", figure(confusion.mean_recall())),
+        fact("quadratic kappa", figure(confusion.quadratic_kappa())),
+        fact("errors that hit an adjacent class", percent(confusion.adjacent_errors())),
+    ]
+}
+
+fn social_costs(costs: &SocialCosts) -> Vec<(String, String)> {
+    vec![
+        fact("episodes", costs.episodes.len()),
+        fact("within 25 % of the right rank", percent(Some(costs.within_quarter))),
+        fact("the same by chance", percent(Some(costs.chance))),
+        fact("Spearman", figure(costs.spearman)),
+        fact("Kendall", figure(costs.kendall)),
+    ]
+}
+
+fn place(frame: &Frame) -> Vec<(String, String)> {
+    let (width, height) = (frame.cols as f64 * frame.resolution, frame.rows as f64 * frame.resolution);
+    let turned = if frame.yaw == 0.0 { String::new() } else { format!(", turned by {:.1}°", frame.yaw.to_degrees()) };
+    vec![
+        fact("size", format!("{width:.1} × {height:.1} m, {} × {} cells of {} m", frame.cols, frame.rows, frame.resolution)),
+        fact("origin", format!("({:.2}, {:.2}) m{turned}", frame.origin.x, frame.origin.y)),
+    ]
+}
+
+fn class_facts(counts: &ClassCounts) -> Vec<(String, String)> {
+    let labeled: u64 = counts.classes.iter().sum();
+    let cells = counts.unlabeled + counts.obstacle + labeled;
+    let part = |count: u64, whole: u64| format!("{count} ({:.1} %)", 100.0 * count as f64 / whole.max(1) as f64);
+    let mut facts = vec![fact("labeled cells", part(labeled, cells))];
+    facts.extend((1..).zip(&counts.classes).map(|(class, count)| fact(&format!("class {class}"), part(*count, labeled))));
+    facts
+}
+
+fn fact(name: &str, value: impl ToString) -> (String, String) {
+    (name.to_owned(), value.to_string())
+}
+
+fn share(part: usize, whole: usize) -> String {
+    format!("{:.1} %", 100.0 * part as f64 / whole.max(1) as f64)
+}
+
+fn range(values: impl Iterator<Item = usize> + Clone) -> String {
+    let (least, most) = (values.clone().min().unwrap_or(0), values.max().unwrap_or(0));
+    if least == most { least.to_string() } else { format!("{least} to {most}") }
+}
+
+/// Writes a figure between −1 and 1 that may not be defined.
+pub(super) fn figure(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}").replace('-', "−"))
+}
+
+/// Writes a share that may not be defined.
+pub(super) fn percent(value: Option<f64>) -> String {
+    value.map_or_else(|| "–".to_owned(), |value| format!("{:.1} %", 100.0 * value))
+}
