@@ -76,7 +76,11 @@ fn peer(mode: &str, seconds: f64) -> Vec<f64> {
     let mut lap = || {
         times.push(last.elapsed().as_secs_f64());
         last = Instant::now();
-        if times.len() > 8 && start.elapsed().as_secs_f64() > seconds { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        if times.len() > 8 && start.elapsed().as_secs_f64() > seconds {
+            ControlFlow::Break(())
+        } else {
+            ControlFlow::Continue(())
+        }
     };
     if mode == "train" {
         let mut trainer = trainer(&tiles, &compute);

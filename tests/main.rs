@@ -7,5 +7,6 @@ mod kinds;
 mod maps;
 mod oracle;
 mod pipeline;
+mod report;
 mod store;
 mod unet;

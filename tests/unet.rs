@@ -23,7 +23,8 @@ fn tiles(size: usize, windows: usize) -> Tiles {
         if row == 0 || col == 0 || row == size - 1 || col == size - 1 {
             return -1;
         }
-        let free = [i - size, i + size, i - 1, i + 1].iter().map(|n| i8::try_from(occupancy[*n]).expect("0 or 1")).sum::<i8>();
+        let free =
+            [i - size, i + size, i - 1, i + 1].iter().map(|n| i8::try_from(occupancy[*n]).expect("0 or 1")).sum::<i8>();
         1 + free / 2
     });
     let labels = labels.collect();
@@ -171,13 +172,13 @@ fn windows_and_the_whole_map_agree_on_inner_cells() {
         let mut whole = vec![0.0; rows * cols * 4];
         network.predict(&map, rows, cols, 1, &mut whole);
         let (top, left) = (16, 24);
-        let window: Vec<u8> =
-            (0..size * size).map(|i| map[(top + i / size) * cols + left + i % size]).collect();
+        let window: Vec<u8> = (0..size * size).map(|i| map[(top + i / size) * cols + left + i % size]).collect();
         let part = network.probabilities(&window, size, 1);
         let inner = 22..42;
         for (row, col) in inner.clone().flat_map(|row| inner.clone().map(move |col| (row, col))) {
             for class in 0..4 {
-                let (a, b) = (part[(row * size + col) * 4 + class], whole[((top + row) * cols + left + col) * 4 + class]);
+                let (a, b) =
+                    (part[(row * size + col) * 4 + class], whole[((top + row) * cols + left + col) * 4 + class]);
                 assert_eq!(a.to_bits(), b.to_bits(), "{compute}: row {row}, column {col}, class {class}");
             }
         }

@@ -43,8 +43,7 @@ fn slow(map: &OccupancyMap, window: usize, stride: usize, counts: impl Fn(usize,
                 if !(0..n).contains(&row) || !(0..n).contains(&col) || !counts(row as usize, col as usize) {
                     continue;
                 }
-                let image: Vec<u8> =
-                    (0..n * n).map(|i| u8::from(map.is_free(top + i / n, left + i % n))).collect();
+                let image: Vec<u8> = (0..n * n).map(|i| u8::from(map.is_free(top + i / n, left + i % n))).collect();
                 if !image.contains(&1) {
                     continue;
                 }
@@ -130,14 +129,16 @@ fn dense_mode_does_not_depend_on_its_blocks() {
 
 #[test]
 fn quantized_heat_has_the_given_distribution() {
-    let map = OccupancyMap::new(Grid::from_fn(10, 11, |cell| cell.col != 10), Frame::at_zero(0.1, 10, 11)).expect("free");
+    let map =
+        OccupancyMap::new(Grid::from_fn(10, 11, |cell| cell.col != 10), Frame::at_zero(0.1, 10, 11)).expect("free");
     let mut stream = Stream::new(2, &[0; 32], 0, "heat");
     let heat = Grid::from_fn(10, 11, |_| stream.unit() as f32);
     let thresholds = thresholds(&heat, &map, &[0.8, 0.15, 0.05]);
     let classes = quantize(&heat, &map, &thresholds);
     let count = |class| classes.as_slice().iter().filter(|c| **c == class).count();
     assert_eq!([count(0), count(1), count(2), count(3)], [10, 80, 15, 5]);
-    let hottest = |class| map.free().cells().filter(|c| classes[*c] == class).map(|c: Cell| heat[c]).fold(0.0, f32::max);
+    let hottest =
+        |class| map.free().cells().filter(|c| classes[*c] == class).map(|c: Cell| heat[c]).fold(0.0, f32::max);
     assert!(hottest(1) < hottest(2) && hottest(2) < hottest(3));
 }
 
@@ -151,6 +152,7 @@ fn parameters_out_of_range_are_named() {
 
 #[test]
 fn progress_may_end_the_work() {
-    let result = annotate(&maps()[0], 8, 3, &AnnotateConfig::default(), &mut synthetic, &mut |_, _| ControlFlow::Break(()));
+    let result =
+        annotate(&maps()[0], 8, 3, &AnnotateConfig::default(), &mut synthetic, &mut |_, _| ControlFlow::Break(()));
     assert_eq!(result, Err(AnnotateError::Cancelled));
 }

@@ -6,7 +6,7 @@ use crate::domain::map::squared_distances;
 use super::space::FreeSpace;
 
 /// Room that two discs need beside each other, beyond their diameters, in meters.
-const ROOM_TO_PASS: f64 = 0.1;
+
 /// An agent decides this far before a narrow place, in meters.
 pub const DECISION: f64 = 1.2;
 /// Spacing of the points along a narrow stretch, in meters.
@@ -31,9 +31,9 @@ impl Gates {
     pub fn new(space: &FreeSpace) -> Self {
         let map = space.map();
         // Where a disc fits that holds two agents and the room between them, these two can be side by side anywhere in it.
-        let both = FreeSpace::new(map, 2.0 * space.radius() + 0.5 * ROOM_TO_PASS);
+        let both = FreeSpace::new(map, 2.0 * space.radius() + 0.5 * crate::cc("ROOM_TO_PASS", 0.1));
         let to_roomy = squared_distances(&both.open().map(|open| !open));
-        let reach = (space.radius() + 0.5 * ROOM_TO_PASS) / map.resolution() + 0.71;
+        let reach = (space.radius() + 0.5 * crate::cc("ROOM_TO_PASS", 0.1)) / map.resolution() + 0.71;
         // The transform takes the outside for roomy; it is as far away as the border is near.
         let (rows, cols) = (to_roomy.rows(), to_roomy.cols());
         Self(Grid::from_fn(rows, cols, |cell| {
@@ -98,7 +98,7 @@ pub fn meet(mine: &[Stride], theirs: &[Stride], near: f64) -> bool {
     let near_squared = near * near;
     mine.iter().any(|a| {
         theirs.iter().any(|b| {
-            (a.point - b.point).norm_squared() < near_squared && a.direction.dot(b.direction) < super::deadlock::SAME_WAY
+            (a.point - b.point).norm_squared() < near_squared && a.direction.dot(b.direction) < 0.3
         })
     })
 }

@@ -124,7 +124,7 @@ mod tests {
 
     #[test]
     fn goals_are_far_and_keep_the_margin() {
-        let (space, router, places) = places(&["########", "#......#", "###.####", "#......#", "########"], 12);
+        let (space, router, places) = places(&["########", "#......#", "###.####", "#......#", "########"], 20);
         let mut search = router.search();
         let mut stream = Stream::new(1, &[0; 32], 0, "places");
         let roomy = FreeSpace::new(space.map(), 0.3);

@@ -33,18 +33,6 @@ impl Links {
         }))
     }
 
-    /// Returns the size of the grid in cells.
-    #[must_use]
-    pub const fn len(&self) -> usize {
-        self.0.len()
-    }
-
-    /// Tells whether the grid has no cells.
-    #[must_use]
-    pub const fn is_empty(&self) -> bool {
-        self.0.is_empty()
-    }
-
     /// Returns the indices of the linked neighbors of a cell with the cost of the step there.
     fn neighbors(&self, index: usize) -> impl Iterator<Item = (usize, usize, u32)> {
         let mut bits = self.0.as_slice()[index];
@@ -227,7 +215,7 @@ impl Router {
     /// Returns working memory for searches on this map.
     #[must_use]
     pub fn search(&self) -> Search {
-        Search::new(self.links.len())
+        Search::new(self.links.0.len())
     }
 
     /// Finds a short way between two points, `from` first, over cells that `enter` does not refuse.

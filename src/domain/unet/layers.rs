@@ -181,7 +181,11 @@ mod tests {
         let expected = flat[layers.encoder2.start + ((2 * 3 + 1) * 32 + 7) * 64 + 5];
         assert_eq!(arrays["encoder2.weight"].values[((5 * 32 + 7) * 3 + 2) * 3 + 1], expected);
         assert_eq!(layers.from_arrays(&arrays, "").expect("complete"), flat);
-        assert!(matches!(layers.from_arrays(&arrays, ".m"), Err(UnetError::MissingArray(name)) if name == "encoder1.weight.m"));
-        assert!(matches!(Layers::new(3).from_arrays(&arrays, ""), Err(UnetError::ArrayShape { name, .. }) if name == "head.weight"));
+        assert!(
+            matches!(layers.from_arrays(&arrays, ".m"), Err(UnetError::MissingArray(name)) if name == "encoder1.weight.m")
+        );
+        assert!(
+            matches!(Layers::new(3).from_arrays(&arrays, ""), Err(UnetError::ArrayShape { name, .. }) if name == "head.weight")
+        );
     }
 }

@@ -95,8 +95,7 @@ impl Learner {
         let first = tensor(self.layers.from_arrays(optimizer, ".exp_avg")?);
         let second = tensor(self.layers.from_arrays(optimizer, ".exp_avg_sq")?);
         self.parameters = tensor(self.layers.from_arrays(model, "")?);
-        self.moments =
-            (steps > 0.0).then(|| AdamState::new(AdaptiveMomentumState::new(steps as usize, first, second)));
+        self.moments = (steps > 0.0).then(|| AdamState::new(AdaptiveMomentumState::new(steps as usize, first, second)));
         Ok(())
     }
 

@@ -13,11 +13,11 @@
 pub mod batches;
 pub mod compute;
 pub mod layers;
-pub mod learner;
+mod learner;
 pub mod loss;
 pub mod model;
 pub mod network;
-pub mod ops;
+mod ops;
 pub mod trainer;
 
 pub use compute::{Compute, DeviceName, Simd};

@@ -203,10 +203,8 @@ impl<'a> Trainer<'a> {
         for batch in 1..=count {
             let learner = &mut self.learner;
             let upcoming = batches.next();
-            let ((loss, right), ()) = rayon::join(
-                || learner.learn(current),
-                || upcoming.map_or((), |samples| next.fill(tiles, samples)),
-            );
+            let ((loss, right), ()) =
+                rayon::join(|| learner.learn(current), || upcoming.map_or((), |samples| next.fill(tiles, samples)));
             if !loss.is_finite() {
                 return Err(UnetError::NotFinite { epoch, batch, loss });
             }

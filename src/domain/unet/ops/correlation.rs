@@ -87,11 +87,23 @@ unsafe fn column<V: Lanes, const C: usize, const N: usize>(
     // SAFETY: as for this function.
     unsafe {
         while channel + C <= channels {
-            tile::<V, C, N>(correlation, block, offset + channel, output, &mut sums[channel * correlation.gradient.channels..]);
+            tile::<V, C, N>(
+                correlation,
+                block,
+                offset + channel,
+                output,
+                &mut sums[channel * correlation.gradient.channels..],
+            );
             channel += C;
         }
         while channel < channels {
-            tile::<V, 1, N>(correlation, block, offset + channel, output, &mut sums[channel * correlation.gradient.channels..]);
+            tile::<V, 1, N>(
+                correlation,
+                block,
+                offset + channel,
+                output,
+                &mut sums[channel * correlation.gradient.channels..],
+            );
             channel += 1;
         }
     }

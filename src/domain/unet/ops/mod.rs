@@ -48,35 +48,37 @@ use softmax::{Labeled, Outcome};
 /// instructions that its caller here enables.
 macro_rules! dispatch {
     ($simd:expr, plain $loops:ident($($argument:ident: $type:ty),* $(,)?)) => {
-        dispatch!(@ $simd, ($($argument: $type),*), $loops, $loops, $loops)
-    };
-    ($simd:expr, $loops:ident($($argument:ident: $type:ty),* $(,)?)) => {
         dispatch!(
             @ $simd,
             ($($argument: $type),*),
-            $loops::<$crate::domain::unet::ops::lanes::Avx512>,
-            $loops::<$crate::domain::unet::ops::lanes::Avx2>,
-            $loops::<$crate::domain::unet::ops::lanes::Portable>
+            $loops($($argument),*),
+            $loops($($argument),*),
+            $loops($($argument),*)
+        )
+    };
+    ($simd:expr, $loops:ident($($argument:ident: $type:ty),* $(,)?)) => {
+        // SAFETY: the function that runs it enables the instruction set, and the caller has checked the arguments.
+        dispatch!(
+            @ $simd,
+            ($($argument: $type),*),
+            unsafe { $loops::<$crate::domain::unet::ops::lanes::Avx512>($($argument),*) },
+            unsafe { $loops::<$crate::domain::unet::ops::lanes::Avx2>($($argument),*) },
+            unsafe { $loops::<$crate::domain::unet::ops::lanes::Portable>($($argument),*) }
         )
     };
     (@ $simd:expr, ($($argument:ident: $type:ty),*), $avx512:expr, $avx2:expr, $portable:expr) => {{
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx512f,avx2,fma")]
         fn avx512($($argument: $type),*) {
-            #[allow(unused_unsafe)]
-            // SAFETY: the instruction set is enabled here, and the arguments were checked by the caller.
-            unsafe { $avx512($($argument),*) }
+            $avx512;
         }
         #[cfg(target_arch = "x86_64")]
         #[target_feature(enable = "avx2,fma")]
         fn avx2($($argument: $type),*) {
-            #[allow(unused_unsafe)]
-            // SAFETY: as above.
-            unsafe { $avx2($($argument),*) }
+            $avx2;
         }
         let simd: Simd = $simd;
         assert!(simd.is_available(), "the processor has the instruction set");
-        #[allow(unused_unsafe)]
         match simd {
             // SAFETY: the processor has the instruction set.
             #[cfg(target_arch = "x86_64")]
@@ -84,8 +86,7 @@ macro_rules! dispatch {
             // SAFETY: the processor has the instruction set.
             #[cfg(target_arch = "x86_64")]
             Simd::Avx2 => unsafe { avx2($($argument),*) },
-            // SAFETY: plain Rust runs everywhere, and the arguments were checked by the caller.
-            _ => unsafe { $portable($($argument),*) },
+            _ => $portable,
         }
     }};
 }
@@ -255,7 +256,13 @@ impl SharedPass {
     }
 
     /// Computes the loss of a batch by [`UnetLoss`], and what was predicted; `weights` are the w_c of eq. 4.
-    pub(super) fn loss(&self, parameters: &Tensor<1>, simd: Simd, batch: &Batch, weights: &[f32]) -> (Tensor<1>, Tally) {
+    pub(super) fn loss(
+        &self,
+        parameters: &Tensor<1>,
+        simd: Simd,
+        batch: &Batch,
+        weights: &[f32],
+    ) -> (Tensor<1>, Tally) {
         let job = Job { pass: &self.0, simd, batch, weights };
         let loss = Dispatch::unet_loss(parameters.clone().into_dispatch(), &job);
         let outcome = std::mem::take(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner).outcome);

@@ -95,7 +95,9 @@ impl Parameters {
         let outputs = self.head_outputs();
         let head = &layers.head;
         self.head.resize(head.inputs * outputs, 0.0);
-        for (padded, weights) in self.head.chunks_exact_mut(outputs).zip(flat[head.weights()].chunks_exact(head.outputs)) {
+        for (padded, weights) in
+            self.head.chunks_exact_mut(outputs).zip(flat[head.weights()].chunks_exact(head.outputs))
+        {
             padded[..head.outputs].copy_from_slice(weights);
         }
         self.head_bias.resize(outputs, 0.0);

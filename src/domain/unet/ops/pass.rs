@@ -38,7 +38,13 @@ pub(super) struct Workspace {
 
 impl Workspace {
     /// Predicts an image: [rows, cols, C + 1] probabilities.
-    pub(super) fn predict(&mut self, simd: Simd, parameters: &Parameters, image: (&[u8], usize, usize), out: &mut [f32]) {
+    pub(super) fn predict(
+        &mut self,
+        simd: Simd,
+        parameters: &Parameters,
+        image: (&[u8], usize, usize),
+        out: &mut [f32],
+    ) {
         self.forward(simd, parameters, image);
         softmax::probabilities(simd, &self.logits, parameters.layers.head.outputs, out);
     }

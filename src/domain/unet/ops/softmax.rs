@@ -156,8 +156,8 @@ fn ln(x: f32) -> f32 {
     for coefficient in [1.0 / 7.0, 1.0 / 5.0, 1.0 / 3.0, 1.0] {
         series = series * t2 + coefficient;
     }
-    // The last term is 0, or NaN if x is: the bits above do not tell.
-    2.0 * t * series + exponent as f32 * std::f32::consts::LN_2 + (x - x)
+    // The bits of a NaN would have made a number.
+    if x.is_nan() { x } else { 2.0 * t * series + exponent as f32 * std::f32::consts::LN_2 }
 }
 
 #[cfg(test)]

@@ -63,7 +63,8 @@ fn convolution_is_a_sum_over_taps_and_channels() {
                 assert!(out.data[..out.first()].iter().all(|border| *border == 0.0));
                 out
             };
-            let (plain, relu, gated) = (run(Then::Nothing), run(Then::Relu), run(Then::Gate(&gate.data[gate.first()..])));
+            let (plain, relu, gated) =
+                (run(Then::Nothing), run(Then::Relu), run(Then::Gate(&gate.data[gate.first()..])));
             for_each(&plain, |row, col, output| {
                 let mut sum = f64::from(bias[output]);
                 for tap in 0..9 {
