@@ -1,5 +1,6 @@
 //! `annotate`: a map of your own, without a pipeline.
 
+use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -84,7 +85,13 @@ impl Args {
     fn checkpoint(&self) -> Result<Checkpoint, CliError> {
         let read = |name: &'static str| {
             let path = self.model.join(name);
-            std::fs::read(&path).map_err(|source| CliError::File { action: "read", path, source })
+            std::fs::read(&path).map_err(|source| match source.kind() {
+                ErrorKind::NotFound | ErrorKind::NotADirectory => {
+                    let what = format!("`{}` is no folder of a checkpoint: it has no `{name}`", self.model.display());
+                    CliError::advised(what, "give that of a `train` node, such as `artifacts/latest/quickstart/model`")
+                }
+                _ => CliError::File { action: "read", path, source },
+            })
         };
         // Read first, so that a missing file is named with its path.
         let mut files = std::collections::BTreeMap::new();

@@ -10,7 +10,9 @@ use crate::store::{Digest, Role, Run, Store};
 
 /// Arguments of `diff`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Example:
+#[command(after_help = "Nodes that are gone stand after `-`, new ones after `+`, changed ones after `~`, with what changed in their recipes.
+
+Example:
   trodden ls --runs
   trodden diff 20260314T1 latest")]
 pub struct Args {
@@ -66,6 +68,11 @@ fn short(digest: Option<&Option<Digest>>) -> String {
     digest.copied().flatten().map_or_else(|| "nothing".to_owned(), |digest| digest.to_string())
 }
 
+/// Names an input as the pipeline file does.
+fn what(name: &str) -> String {
+    name.strip_prefix("inputs.").map_or_else(|| name.to_owned(), |port| format!("input `{port}`"))
+}
+
 /// What differs between the recipes of a node in the two runs, in words.
 fn recipes(store: &Store, before: &Run, after: &Run, name: &str) -> Result<Vec<String>, CliError> {
     let recipe = |run: &Run| -> Result<Option<crate::store::Recipe>, CliError> {
@@ -75,5 +82,5 @@ fn recipes(store: &Store, before: &Run, after: &Run, name: &str) -> Result<Vec<S
     let (Some(old), Some(new)) = (recipe(before)?, recipe(after)?) else { return Ok(Vec::new()) };
     let side = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
     let differences = old.differences(&new);
-    Ok(differences.iter().map(|d| format!("{} {} → {}", d.what, side(&d.before), side(&d.after))).collect())
+    Ok(differences.iter().map(|d| format!("{} {} → {}", what(&d.what), side(&d.before), side(&d.after))).collect())
 }

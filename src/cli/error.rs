@@ -45,7 +45,8 @@ impl CliError {
         Self::Request { message: message.into(), help: Some(help.into()) }
     }
 
-    /// Returns the exit code: 1 for a failed stage, 3 for a damaged store, else 2.
+    /// Returns the exit code: 3 for a damaged store, 130 for an interruption, else 2. A stage that fails in a run is no
+    /// error of the command: see `run`.
     #[must_use]
     pub fn code(&self) -> ExitCode {
         let damaged = |error: &StoreError| if error.is_damage() { 3 } else { 2 };
@@ -54,7 +55,6 @@ impl CliError {
             Self::Kind(KindError::Store(error)) | Self::Stage(StageError::Store(error)) => damaged(error),
             Self::Report(ReportError::Store(error) | ReportError::Kind(KindError::Store(error))) => damaged(error),
             Self::Stage(StageError::Cancelled) => 130,
-            Self::Stage(StageError::Failed { .. }) => 1,
             Self::Closed => 0,
             _ => 2,
         })

@@ -9,8 +9,7 @@ use crate::store::{Collected, Freed, Store};
 
 /// Arguments of `gc`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Kept is what the newest finished run of each pipeline and every run marked by `trodden keep` reaches;
-of the epochs of a training only the last.
+#[command(after_help = "Kept is what the newest finished run of each pipeline and every run marked by `trodden keep` reaches; of the epochs of a training only the last.
 
 Examples:
   trodden gc --dry-run    what would go
@@ -31,7 +30,7 @@ impl Args {
             return Ok(ExitCode::SUCCESS);
         }
         describe(&planned, screen)?;
-        if !self.dry_run {
+        if !self.dry_run && total(&planned).files > 0 {
             let done = store.collect(false)?;
             screen.line(format!("freed {}", bytes(total(&done).bytes)))?;
         }
@@ -46,7 +45,8 @@ fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {
         }
         screen.line(format!("{:>7} {what}, {}", freed.files, bytes(freed.bytes)))
     };
-    screen.line(format!("would free {}:", bytes(total(planned).bytes)))?;
+    let all = total(planned);
+    screen.line(if all.files == 0 { "nothing to free".to_owned() } else { format!("would free {}:", bytes(all.bytes)) })?;
     line("objects", &planned.objects)?;
     line("recipes", &planned.recipes)?;
     line("temporary files", &planned.temporary)?;

@@ -9,6 +9,9 @@ use crate::store::Store;
 
 /// Arguments of `keep`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "Examples:
+  trodden keep latest
+  trodden keep 20260314-101530 --off")]
 pub struct Args {
     /// Id of the run, the beginning of it, or `latest`.
     run: String,

@@ -4,18 +4,22 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use super::error::CliError;
-use super::request::PipelineArgs;
+use super::request::{Known, PipelineArgs};
 use super::screen::{Screen, columns};
 use crate::pipeline::plan::{Plan, PlannedTask, State, plan};
-use crate::pipeline::spec::Pipeline;
-use crate::store::{Role, Store};
+use crate::pipeline::spec::{Pipeline, check_sources};
+use crate::store::Role;
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "States:
   hit      it is in the store
   run      it must run
-  depends  it must run unless what it reads comes out as before")]
+  depends  it must run unless what it reads comes out as before
+
+Examples:
+  trodden plan pipelines/quickstart.yaml --set labels.classes=4
+  trodden plan pipelines/quickstart.yaml --only heat --all")]
 pub struct Args {
     #[command(flatten)]
     pipeline: PipelineArgs,
@@ -30,20 +34,20 @@ pub struct Args {
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.pipeline.load()?;
-        let store = Store::open(store)?;
-        let plan = plan(&pipeline, &store, &self.only)?;
-        print(&plan, self.all, screen)
+        check_sources(&pipeline)?;
+        print_plan(&pipeline, store, &self.only, self.all, screen)
     }
 }
 
 /// Plans and prints.
 pub(super) fn print_plan(
     pipeline: &Pipeline,
-    store: &Store,
+    store: &Path,
     only: &[String],
+    all: bool,
     screen: &Screen,
 ) -> Result<ExitCode, CliError> {
-    print(&plan(pipeline, store, only)?, false, screen)
+    print(&plan(pipeline, &Known::at(store)?, only)?, all, screen)
 }
 
 fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> {

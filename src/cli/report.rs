@@ -10,6 +10,11 @@ use crate::store::Store;
 
 /// Arguments of `report`.
 #[derive(Debug, clap::Args)]
+#[command(after_help = "It lies beside the record of the run and needs no network: pictures and style are inside.
+
+Examples:
+  trodden report
+  trodden report 20260314 --out report.html")]
 pub struct Args {
     /// Id of the run, the beginning of it, or `latest`.
     #[arg(default_value = "latest")]
@@ -27,7 +32,7 @@ impl Args {
         if let Some(out) = &self.out {
             std::fs::copy(&page, out).map_err(|source| CliError::File { action: "write", path: out.clone(), source })?;
         }
-        screen.line(page.display().to_string())?;
+        screen.line(self.out.as_ref().unwrap_or(&page).display().to_string())?;
         Ok(ExitCode::SUCCESS)
     }
 }

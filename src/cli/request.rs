@@ -6,9 +6,10 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::error::CliError;
+use crate::pipeline::ledger::Lookups;
 use crate::pipeline::spec::{self, Pipeline};
 use crate::stages::REGISTER;
-use crate::store::{Role, Run, RunNode, Store};
+use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, StoreError};
 
 /// A pipeline file and the settings that override it.
 #[derive(Debug, Clone, Args)]
@@ -40,6 +41,51 @@ pub fn load(file: &Path, sets: &[String]) -> Result<Pipeline, CliError> {
     let variables: BTreeMap<String, String> =
         std::env::vars_os().filter_map(|(name, value)| Some((text(name)?, text(value)?))).collect();
     Ok(spec::load(&spec::Request { file, sets, variables: &variables, register: &REGISTER })?)
+}
+
+/// What a plan is held against: a store, or nothing where none is yet. Looking makes none.
+#[derive(Debug)]
+pub struct Known(Option<Store>);
+
+impl Known {
+    /// Looks for a store.
+    ///
+    /// # Errors
+    /// [`CliError::Store`] if there is something else.
+    pub fn at(root: &Path) -> Result<Self, CliError> {
+        match Store::open_existing(root) {
+            Ok(store) => Ok(Self(Some(store))),
+            Err(StoreError::NoStore { .. }) => Ok(Self(None)),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Returns the newest run of a pipeline.
+    ///
+    /// # Errors
+    /// [`CliError::Store`] if its record cannot be read.
+    pub fn latest_run(&self, pipeline: &str) -> Result<Option<Run>, CliError> {
+        Ok(self.0.as_ref().map(|store| store.latest_run(pipeline, false)).transpose()?.flatten())
+    }
+}
+
+impl Lookups for Known {
+    fn recall(&self, key: &Key) -> Result<Option<Record>, StoreError> {
+        self.0.as_ref().map_or(Ok(None), |store| store.recall(key))
+    }
+
+    fn complete(&self, artifact: &Artifact) -> bool {
+        self.0.as_ref().is_some_and(|store| store.complete(artifact))
+    }
+
+    fn source_digest(&self, path: &Path) -> Result<Digest, StoreError> {
+        if let Some(store) = &self.0 {
+            return store.source_digest(path);
+        }
+        let bytes = std::fs::read(path);
+        let failed = |source| StoreError::Io { action: "read", path: path.to_owned(), source };
+        bytes.map(|bytes| Digest::of(&bytes)).map_err(failed)
+    }
 }
 
 /// Finds the run that a command speaks of: the newest of a pipeline, the one with an id, or the newest of all.

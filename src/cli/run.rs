@@ -11,6 +11,7 @@ use super::request::PipelineArgs;
 use super::screen::Screen;
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute};
+use crate::pipeline::spec::check_sources;
 use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
 use crate::store::{RunStatus, Store};
@@ -60,10 +61,11 @@ fn positive(text: &str) -> Result<f64, String> {
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.pipeline.load()?;
-        let store = Store::open(store)?;
         if self.dry_run {
-            return print_plan(&pipeline, &store, &self.only, screen);
+            check_sources(&pipeline)?;
+            return print_plan(&pipeline, store, &self.only, false, screen);
         }
+        let store = Store::open(store)?;
         let cancelled = Arc::new(AtomicBool::new(false));
         listen(&cancelled);
         let options = Options {
@@ -97,6 +99,10 @@ impl Args {
                 Ok(path) => screen.remark(format!("report: {}", path.display())),
                 Err(error) => screen.remark(format!("warning: no report: {error}")),
             }
+        }
+        for damage in store.take_damages() {
+            let aside = damage.aside.as_ref().map_or_else(String::new, |path| format!("; set aside as `{}`", path.display()));
+            screen.remark(format!("warning: {damage}{aside}"));
         }
         Ok(finish(&report, screen))
     }

@@ -25,9 +25,9 @@ pub struct Args {
     /// Of this run: its id, the beginning of it, or `latest`.
     #[arg(long, value_name = "ID")]
     run: Option<String>,
-    /// Write a picture to this file (PNG).
-    #[arg(long, value_name = "FILE", num_args = 0..=1, default_missing_value = "")]
-    png: Option<PathBuf>,
+    /// Write a picture (PNG) to this file, or to one named after the node.
+    #[arg(long, value_name = "FILE")]
+    png: Option<Option<PathBuf>>,
     /// Colors in proportion to the value, or to its logarithm.
     #[arg(long, value_enum, default_value = "linear")]
     scale: ScaleName,
@@ -59,7 +59,7 @@ impl Args {
             ScaleName::Log => Scale::Log,
         };
         if let Some(png) = &self.png {
-            return self.write_png(png, &shown, scale, node, screen);
+            return self.write_png(png.as_deref(), &shown, scale, node, screen);
         }
         if screen.json() {
             screen.object(node)?;
@@ -81,7 +81,7 @@ impl Args {
 
     fn write_png(
         &self,
-        path: &Path,
+        path: Option<&Path>,
         shown: &Shown,
         scale: Scale,
         node: &RunNode,
@@ -93,11 +93,7 @@ impl Args {
                 "leave out `--png`, or see the report of the run",
             ));
         };
-        let path = if path.as_os_str().is_empty() {
-            PathBuf::from(format!("{}.png", node.node.replace('/', "-")))
-        } else {
-            path.to_owned()
-        };
+        let path = path.map_or_else(|| PathBuf::from(format!("{}.png", node.node.replace('/', "-"))), Path::to_owned);
         let bytes = png::figure(picture, scale, &node.node);
         std::fs::write(&path, bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
         screen.line(path.display().to_string())?;

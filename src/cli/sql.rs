@@ -38,8 +38,7 @@ impl Args {
         let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref()).ok();
         let mut tables = |name: &str| load(name, &store, run.as_ref());
         let frame = kinds::sql(&self.query, &mut tables).map_err(|error| {
-            let help = error.help().unwrap_or_else(|| "tables are nodes (`trodden ls`) or Parquet files, in quotes".to_owned());
-            CliError::advised(error.to_string(), help)
+            CliError::Request { message: error.to_string(), help: error.help() }
         })?;
         if screen.json() {
             for row in terminal::json_rows(&frame) {

@@ -9,8 +9,7 @@ use crate::store::{Damaged, Store, VerifyReport};
 
 /// Arguments of `verify`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "What is damaged is set aside in the folder `damaged` of the store; the next run that needs it makes it
-again. The exit code is 3 if anything was damaged.")]
+#[command(after_help = "What is damaged is set aside in the folder `damaged` of the store; the next run that needs it makes it again. The exit code is 3 if anything was damaged.")]
 pub struct Args {}
 
 impl Args {

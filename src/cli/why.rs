@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
-use super::request::{find_run, load};
+use super::request::{Known, find_run, load};
 use super::screen::Screen;
 use crate::pipeline::plan::plan;
 use crate::pipeline::why::{of_plan, of_run};
@@ -12,8 +12,7 @@ use crate::store::{Run, Store};
 
 /// Arguments of `why`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Without a pipeline file it speaks of the newest run, held against the one before it; with one it speaks of
-the run that would come next.
+#[command(after_help = "Without a pipeline file it speaks of the newest run, held against the one before it; with one it speaks of the run that would come next.
 
 Examples:
   trodden why labels
@@ -40,10 +39,9 @@ impl Args {
         let answers = match &self.file {
             Some(file) => {
                 let pipeline = load(file, &self.sets)?;
-                let store = Store::open(store)?;
-                let plan = plan(&pipeline, &store, &[])?;
-                let previous = store.latest_run(&pipeline.name, false)?;
-                of_plan(&plan, previous.as_ref(), &store, &self.node)?
+                let known = Known::at(store)?;
+                let plan = plan(&pipeline, &known, &[])?;
+                of_plan(&plan, known.latest_run(&pipeline.name)?.as_ref(), &known, &self.node)?
             }
             None => {
                 let store = Store::open_existing(store)?;

@@ -6,12 +6,15 @@
 
 use std::collections::BTreeMap;
 use std::io::Write;
+use std::panic::AssertUnwindSafe;
 use std::sync::Arc;
 
 use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
 use arrow::datatypes::{ArrowPrimitiveType, DataType, Field, Schema, SchemaRef};
 use bytes::Bytes;
-use parquet::arrow::arrow_reader::{ArrowReaderMetadata, ParquetRecordBatchReaderBuilder};
+use parquet::arrow::arrow_reader::{
+    ArrowReaderMetadata, ArrowReaderOptions, ParquetRecordBatchReader, ParquetRecordBatchReaderBuilder,
+};
 use parquet::arrow::arrow_writer::{ArrowWriter, ArrowWriterOptions};
 use parquet::arrow::ProjectionMask;
 use parquet::basic::{Compression, Encoding, ZstdLevel};
@@ -341,12 +344,10 @@ impl Table {
     pub fn batches(&self, columns: &[Column]) -> Result<Batches, KindError> {
         self.expect(columns)?;
         let names = columns.iter().map(|column| column.name.as_str());
-        let mask = ProjectionMask::columns(self.opened.parquet_schema(), names.clone());
-        let reader = ParquetRecordBatchReaderBuilder::new_with_metadata(self.bytes.clone(), self.opened.clone())
-            .with_projection(mask)
-            .with_batch_size(BATCH_ROWS)
-            .build()
-            .map_err(|e| KindError::Decode { kind: self.kind, source: e.into() })?;
+        let mask = ProjectionMask::columns(self.opened.parquet_schema(), names);
+        let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(self.bytes.clone(), self.opened.clone());
+        let builder = builder.with_projection(mask).with_batch_size(BATCH_ROWS);
+        let reader = guarded(|| Ok(builder.build()?)).map_err(|source| KindError::Decode { kind: self.kind, source })?;
         let columns = columns.to_vec();
         Ok(Batches { kind: self.kind, columns, reader, row: 0 })
     }
@@ -404,7 +405,7 @@ pub fn wrong_value(kind: &'static str, column: &str, row: usize, value: impl ToS
 pub struct Batches {
     kind: &'static str,
     columns: Vec<Column>,
-    reader: parquet::arrow::arrow_reader::ParquetRecordBatchReader,
+    reader: ParquetRecordBatchReader,
     row: usize,
 }
 
@@ -434,9 +435,9 @@ impl Iterator for Batches {
 
     fn next(&mut self) -> Option<Self::Item> {
         let kind = self.kind;
-        let batch = match self.reader.next()? {
-            Ok(batch) => batch,
-            Err(source) => return Some(Err(KindError::Decode { kind, source: source.into() })),
+        let batch = match guarded(|| Ok(self.reader.next().transpose()?)) {
+            Ok(batch) => batch?,
+            Err(source) => return Some(Err(KindError::Decode { kind, source })),
         };
         let mut arrays = Vec::with_capacity(self.columns.len());
         for column in &self.columns {
@@ -467,8 +468,24 @@ fn alike(expected: &DataType, found: &DataType) -> bool {
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 fn open(bytes: Bytes) -> Result<(Bytes, ArrowReaderMetadata), AnyError> {
-    let opened = ArrowReaderMetadata::load(&bytes, parquet::arrow::arrow_reader::ArrowReaderOptions::new())?;
-    Ok((bytes, opened))
+    let opened = guarded(|| Ok(ArrowReaderMetadata::load(&bytes, ArrowReaderOptions::new())?))?;
+    // The reader takes these on trust.
+    let end = i64::try_from(bytes.len()).expect("no memory holds 2⁶³ bytes");
+    let sound = opened.metadata().row_groups().iter().all(|group| {
+        group.num_rows() >= 0
+            && group.columns().iter().all(|chunk| {
+                let start = chunk.dictionary_page_offset().unwrap_or_else(|| chunk.data_page_offset());
+                let within = start.checked_add(chunk.compressed_size()).is_some_and(|stop| stop <= end);
+                start >= 0 && chunk.data_page_offset() >= 0 && chunk.compressed_size() >= 0 && within
+            })
+    });
+    if sound { Ok((bytes, opened)) } else { Err("a column lies outside of the file".into()) }
+}
+
+/// Turns a panic of the decoder, which has some for bytes that no encoder writes, into an error.
+fn guarded<T>(decode: impl FnOnce() -> Result<T, AnyError>) -> Result<T, AnyError> {
+    std::panic::catch_unwind(AssertUnwindSafe(decode))
+        .unwrap_or_else(|_| Err("the decoder gave up on bytes that no encoder writes".into()))
 }
 
 fn key_values(opened: &ArrowReaderMetadata) -> BTreeMap<String, String> {
@@ -494,6 +511,7 @@ pub fn read_any(bytes: impl Into<Bytes>) -> Result<AnyTable, AnyError> {
     let mut metadata = key_values(&opened);
     metadata.remove("ARROW:schema");
     let schema = opened.schema().clone();
-    let reader = ParquetRecordBatchReaderBuilder::new_with_metadata(bytes, opened).with_batch_size(BATCH_ROWS).build()?;
-    Ok(AnyTable { schema, metadata, batches: reader.collect::<Result<_, _>>()? })
+    let builder = ParquetRecordBatchReaderBuilder::new_with_metadata(bytes, opened).with_batch_size(BATCH_ROWS);
+    let batches = guarded(|| Ok(builder.build()?.collect::<Result<_, _>>()?))?;
+    Ok(AnyTable { schema, metadata, batches })
 }

@@ -50,6 +50,9 @@ impl PipelineError {
             Self::UnknownNode { help, .. } => help.clone(),
             Self::Sources { source: StageError::Failed { help, .. }, .. } => help.clone(),
             Self::Sources { source: StageError::Store(error), .. } | Self::Store(error) => error.help(),
+            Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {
+                Some("`trodden init` writes a pipeline file to start from".to_owned())
+            }
             Self::Spec(error) => error.problems.first().and_then(|problem| problem.help.clone()),
             _ => None,
         }

@@ -322,8 +322,10 @@ impl<'a> Ledger<'a> {
         skipped
     }
 
-    /// Looks up what was not asked for, as far as it is on record and there, so that the record of the run is whole.
+    /// Looks up what was not asked for, as far as it is on record and there, so that the record of the run is whole: `gc`
+    /// keeps what it names. Steps before the last of a chain need not be there, as everywhere.
     pub(crate) fn look_beyond(&mut self) {
+        let mut gone = Vec::new();
         for task in 0..self.graph.tasks.len() {
             let known = self.graph.tasks[task].reads.iter().all(|read| self.artifacts[*read].is_some());
             if self.status[task] != Status::OutOfScope || !known {
@@ -333,10 +335,16 @@ impl<'a> Ledger<'a> {
             let key = recipe.key();
             if let Ok(Some(record)) = self.lookups.recall(&key)
                 && self.closes(task, &record.artifact)
-                && self.lookups.complete(&record.artifact)
             {
+                if self.graph.tasks[task].role != Role::Epoch && !self.lookups.complete(&record.artifact) {
+                    gone.push(task);
+                }
                 (self.keys[task], self.artifacts[task]) = (Some(key), Some(record.artifact));
             }
+        }
+        // They were known only for the sake of what was made of them.
+        for task in gone {
+            self.artifacts[task] = None;
         }
     }
 

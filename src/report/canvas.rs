@@ -119,10 +119,10 @@ mod tests {
     #[test]
     fn drawing_beyond_the_edge_is_left_out() {
         let mut canvas = Canvas::new(20, 10);
-        canvas.fill(15, 5, 100, 100, [1, 2, 3]);
         canvas.frame(0, 0, 20, 10, [4, 5, 6]);
         canvas.text(12, 4, "W漢", Font::TITLE);
         canvas.text_upwards(15, 8, "heat", Font::SMALL);
+        canvas.fill(15, 5, 100, 100, [1, 2, 3]);
         let (width, height, bytes) = canvas.into_rgb();
         assert_eq!((width, height, bytes.len()), (20, 10, 600));
         assert_eq!(bytes[(9 * 20 + 19) * 3..], [1, 2, 3]);

@@ -166,6 +166,11 @@ impl Picture {
         matches!(self.layer, Layer::Values { .. })
     }
 
+    /// Tells whether it has colors of its own in place of values or classes.
+    pub(super) const fn is_painted(&self) -> bool {
+        matches!(self.layer, Layer::Painted { .. })
+    }
+
     /// Decides for each cell what it has to be drawn as.
     pub(super) fn inks(&self, scale: Scale) -> Grid<Ink> {
         match &self.layer {

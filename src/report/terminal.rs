@@ -107,6 +107,8 @@ fn shade(inks: impl Iterator<Item = Ink>) -> char {
 /// Says what the colors or letters mean.
 fn explained(picture: &Picture, scale: Scale, color: bool, columns: usize) -> String {
     let key = picture.key(scale);
+    // Colors of their own have only their darkness to tell them apart.
+    let painted = picture.is_painted();
     let mut text = String::new();
     if let Some((axis, unit)) = &key.bar {
         text.push_str(&bar(axis, unit, color, columns));
@@ -116,6 +118,10 @@ fn explained(picture: &Picture, scale: Scale, color: bool, columns: usize) -> St
             format!("{}██\x1b[0m {name}", foreground(*swatch))
         } else {
             let letter = match (name.as_str(), name.strip_prefix("class ")) {
+                _ if painted => match shade(std::iter::once(Ink::Color(*swatch))) {
+                    ' ' => "blank".to_owned(),
+                    letter => letter.to_string(),
+                },
                 (_, Some(class)) => class.to_owned(),
                 ("blocked", _) => "#".to_owned(),
                 _ => "blank".to_owned(),
@@ -286,7 +292,7 @@ mod tests {
     fn without_color_values_are_shades() {
         let text = raster(&picture(), Scale::Linear, 80, false);
         let lines: Vec<&str> = text.lines().collect();
-        assert_eq!(lines[..2], ["  -=+%@#", "  -=+%@#"]);
+        assert_eq!(lines[..2], ["  -+*%@#", "  -+*%@#"]);
         assert_eq!(lines[2], ".:-=+*%@ visits");
         assert_eq!(lines[4], "# blocked   blank not visited");
     }

@@ -109,7 +109,9 @@ impl ImportMap {
         let map = match &self.origin {
             Origin::Ros(file) => {
                 let yaml = self.yaml(file)?;
-                import_ros(&yaml, &bytes(&image_of(file, &yaml))?, &self.config)
+                let image = image_of(file, &yaml);
+                let map = import_ros(&yaml, &bytes(&image)?, &self.config);
+                return map.map_err(|error| if is_image(&error) { failed(&image, error) } else { failed(file, error) });
             }
             Origin::Image(file) => import_image(&bytes(file)?, &self.config),
             Origin::Igibson(folder) => import_igibson(&bytes(&folder.join(IGIBSON_IMAGE))?, &self.config),
@@ -123,25 +125,33 @@ impl ImportMap {
         MapYaml::parse(&text).map_err(|error| self.failed(error))
     }
 
-    /// Names the file in what the domain has to say.
     fn failed(&self, error: MapImportError) -> StageError {
-        let place = error.position().map_or_else(String::new, |at| format!(":{}:{}", at.line, at.column));
-        let message = format!("{}{place}: {error}", self.origin.path().display());
-        let help = match &error {
-            MapImportError::ImageResolution => {
-                Some("write `files: { paths: [...], image_resolution: 0.05 }`, or `--image-resolution 0.05`".to_owned())
-            }
-            MapImportError::Map(_) => {
-                Some("check thresholds and `negate`: free space must be brighter than walls".to_owned())
-            }
-            MapImportError::TooManyPixels { .. } => Some("scale the image down first".to_owned()),
-            MapImportError::ImageCutShort | MapImportError::Image { .. } => {
-                Some("the file is damaged: fetch or export it again".to_owned())
-            }
-            _ => None,
-        };
-        StageError::Failed { message, help, source: Some(Box::new(error)) }
+        failed(self.origin.path(), error)
     }
+}
+
+/// Names the file in what the domain has to say, and what helps.
+fn failed(path: &Path, error: MapImportError) -> StageError {
+    let message = format!("{}: {error}", path.display());
+    let help = match &error {
+        MapImportError::ImageResolution => {
+            Some("write `files: { paths: [...], image_resolution: 0.05 }`, or `--image-resolution 0.05`")
+        }
+        MapImportError::Map(_) => Some("check thresholds and `negate`: free space must be brighter than walls"),
+        MapImportError::TooManyPixels { .. } => Some("scale the image down first"),
+        MapImportError::ImageCutShort | MapImportError::Image { .. } => {
+            Some("the file is damaged: fetch or export it again")
+        }
+        MapImportError::Thresholds { .. } => Some("raise `occupied_thresh` or lower `free_thresh`"),
+        _ => None,
+    };
+    StageError::Failed { message, help: help.map(str::to_owned), source: Some(Box::new(error)) }
+}
+
+/// Tells whether the image is to blame, not the YAML that names it.
+const fn is_image(error: &MapImportError) -> bool {
+    use MapImportError::{Image, ImageCutShort, ImageFormat, TooManyPixels};
+    matches!(error, Image { .. } | ImageCutShort | ImageFormat | TooManyPixels { .. })
 }
 
 fn image_of(yaml_file: &Path, yaml: &MapYaml) -> PathBuf {

@@ -147,7 +147,7 @@ fn placed(at: usize, value: &Value, message: String, help: Option<String>) -> Pa
 fn refused_file(at: usize, value: &Value, error: StageError) -> ParameterError {
     match error {
         StageError::Source { path, source } => {
-            let help = "relative paths start at the folder of the pipeline file".to_owned();
+            let help = "a relative path starts at the folder of the file that names it".to_owned();
             placed(at, value, format!("failed to read `{}`: {source}", path.display()), Some(help))
         }
         StageError::Failed { message, help, .. } => placed(at, value, message, help),

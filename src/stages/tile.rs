@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::{Definition, kind, read, write};
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::Labels;
-use crate::domain::tiles::{LabeledMap, TileConfig, Tiles, cut};
+use crate::domain::tiles::{LabeledMap, TileConfig, TileError, Tiles, cut};
 use crate::kinds::Placed;
 use crate::pipeline::stage::{
     Arity, Context, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
@@ -54,6 +54,13 @@ impl Stage for Tile {
         }
         let labeled: Vec<LabeledMap> =
             maps.iter().map(|(name, map, labels)| LabeledMap { name, map, labels }).collect();
-        write(context, &cut(&labeled, &self.0).map_err(StageError::failed)?)
+        write(context, &cut(&labeled, &self.0).map_err(explained)?)
     }
+}
+
+/// Says what helps.
+fn explained(error: TileError) -> StageError {
+    let help = matches!(error, TileError::NoWindow(_))
+        .then(|| "lower `min_labeled`, take larger windows (`size`), or simulate more `episodes`".to_owned());
+    StageError::Failed { message: error.to_string(), help, source: Some(Box::new(error)) }
 }

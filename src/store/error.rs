@@ -90,8 +90,11 @@ impl StoreError {
             }
             Self::DamagedObject { .. } => "make the store writable, then `trodden verify` sets it aside".to_owned(),
             Self::MissingObject { .. } => "the next run makes it again".to_owned(),
+            Self::Record { path, .. } if path.ends_with("store.json") => {
+                "restore it from a copy; the header of a store of this version reads `{\"format\":1}`".to_owned()
+            }
             Self::Record { .. } => "`trodden verify` sets damaged records aside".to_owned(),
-            Self::NoRun { .. } => "`trodden ls` lists the runs".to_owned(),
+            Self::NoRun { .. } => "`trodden ls --runs` lists them".to_owned(),
             Self::AmbiguousRun { .. } => "give more digits".to_owned(),
             Self::Occupied { .. } => "move it away: the folder `latest` belongs to the store".to_owned(),
             Self::Io { .. } | Self::Name { .. } | Self::DuplicatePart { .. } => return None,

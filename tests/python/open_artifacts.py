@@ -134,7 +134,7 @@ def check_readers(path: Path, columns: dict[str, str]) -> pd.DataFrame:
         else:
             assert data.endswith("]"), f"DuckDB `{name}` is {data}"
 
-    rows = duckdb.sql(f"SELECT COUNT(*) FROM '{path}'").fetchone()[0]
+    rows = duckdb.sql(f"SELECT COUNT(*) FROM '{path}'").fetchall()[0][0]
     assert rows == len(pandas) == polars.height, f"{rows}, {len(pandas)} and {polars.height} rows"
     for name, data in columns.items():
         if name in lists or data in ("string", "bool"):
@@ -142,7 +142,7 @@ def check_readers(path: Path, columns: dict[str, str]) -> pd.DataFrame:
         sums = [
             float(pandas[name].sum()),
             float(polars[name].cast(pl.Float64).sum()),
-            float(duckdb.sql(f'SELECT COALESCE(SUM("{name}"::DOUBLE), 0) FROM \'{path}\'').fetchone()[0]),
+            float(duckdb.sql(f'SELECT COALESCE(SUM("{name}"::DOUBLE), 0) FROM \'{path}\'').fetchall()[0][0]),
         ]
         # pandas adds up in single precision.
         close = all(math.isclose(sums[1], other, rel_tol=1e-3, abs_tol=1e-2 * max(rows, 1)) for other in sums)

@@ -1,7 +1,7 @@
 //! The network's predictions put onto whole maps (algorithm 1 of the paper, section IV-C and appendix D).
 //!
-//! Two estimators share everything but where the network looks. *Exact* ([`windows`]) is the paper's: windows slide over
-//! the map, and a cell gets the mean of what every window that covers it predicts. *Dense* ([`dense`]) uses that the
+//! Two estimators share everything but where the network looks. *Exact* (`windows`) is the paper's: windows slide over
+//! the map, and a cell gets the mean of what every window that covers it predicts. *Dense* (`dense`) uses that the
 //! network is fully convolutional: one pass over the whole map predicts all cells at once, each with its full
 //! surroundings in sight; what is left of a window's position is its offset modulo 8, because the network halves its
 //! input three times, so the mean runs over some of these 64 offsets.

@@ -242,7 +242,11 @@ impl CrowdConfig {
         for (field, value, min, max) in ranges {
             // Written so that what is not a number is refused too.
             if !(value >= min && value <= max) {
-                return Err(CrowdError::Setting { field, value: value.to_string(), allowed: format!("{min} to {max}") });
+                return Err(CrowdError::Setting {
+                    field,
+                    value: value.to_string(),
+                    allowed: format!("{min} to {max}"),
+                });
             }
         }
         let [fewest, most] = self.agents;

@@ -81,12 +81,7 @@ fn contours(map: &OccupancyMap, free: &Grid<bool>) -> Vec<Vec<Corner>> {
 }
 
 /// Follows a boundary back to its start and returns the corners where it turns.
-fn trace(
-    start: Corner,
-    first: usize,
-    is_edge: &impl Fn(Corner, usize) -> bool,
-    seen: &mut Grid<u8>,
-) -> Vec<Corner> {
+fn trace(start: Corner, first: usize, is_edge: &impl Fn(Corner, usize) -> bool, seen: &mut Grid<u8>) -> Vec<Corner> {
     let mut corners = Vec::new();
     let (mut at, mut direction) = (start, first);
     loop {

@@ -3,57 +3,59 @@
 //! Ranks are a total order, by when the agents set out, so there is always one whom nobody may hold up. If an agent is
 //! slow, everyone of a lower rank who is in its way ahead, and not under way in the same direction, steps aside: it
 //! walks to the nearest place off the way ahead, back out of a door or a corridor if need be, and waits there until
-//! their ways no longer meet head-on. Whoever steps aside inherits the rank of the one it does it for, so those behind
+//! their ways no longer meet head-on. At doors and other narrow places ([`gates`]) agents ask before they go in, and step
+//! aside in the same way if someone comes the other way. Whoever steps aside inherits the rank of the one it does it for, so those behind
 //! it make room as well (the idea of priority inheritance with backtracking: Okumura et al., *Priority Inheritance with
-//! Backtracking for Iterative Multi-agent Path Finding*, 2022). Who finds no such place changes rank with the other.
+//! Backtracking for Iterative Multi-agent Path Finding*, 2022). Who finds no such place changes rank with the other, and
+//! who has waited for long comes before everyone who has not.
 
 use crate::domain::geometry::{Cell, Point};
 
-use super::crowd::Crowd;
-use super::gates::{self, Stride};
-
+use super::gates::{self, DECISION, Stride};
 use super::routes::Route;
 use super::walker::{Aside, Line, distance_to_line};
+use super::walkers::Crowd;
 
 /// Seconds of hardly advancing after which others have to make room.
-
+const PATIENCE: f64 = 0.4;
 /// Seconds of it after which an agent tries a way around those who stand in front of it, and pause between two tries.
-
+const DETOUR_PATIENCE: f64 = 1.5;
 const DETOUR_PAUSE: f64 = 2.0;
 /// A detour may be this much longer than the way that is left, in meters.
 const LONGEST_DETOUR: f64 = 12.0;
 /// Room has to be made along this much of the way ahead, in meters, and by agents this near.
-
-
+const WAY_AHEAD: f64 = 8.0;
+const NEAR: f64 = 3.0;
 /// The ways of others of a higher rank are kept free over this length, in meters.
-
+const OTHERS_AHEAD: f64 = 1.0;
 /// How far an agent goes to step aside, in meters.
 const FARTHEST_ASIDE: f64 = 9.0;
 /// Room between two discs that pass, in meters.
 const ROOM: f64 = 0.05;
 /// In the open it is enough to be this many radii off the other's way: ORCA does the rest.
-
-
+const BESIDE: f64 = 1.6;
 /// It is only tried where a place off the way is farther than this, in meters.
-
+const FAR_ASIDE: f64 = 2.0;
 /// Who is this near to its place aside is there, in meters.
 const AT_PLACE: f64 = 0.25;
 /// Two directions are the same way if the cosine between them is above this.
-
+pub const SAME_WAY: f64 = 0.3;
 /// Seconds after which an agent that waits to go in holds back those of a lower rank.
-
+const LONG_WAIT: f64 = 2.5;
 /// Seconds of stepping aside at least and at most.
-
-
+const SHORTEST_ASIDE: f64 = 0.2;
+const LONGEST_ASIDE: f64 = 5.0;
 /// How far an agent looks along its own way before it goes on, in meters, and how finely.
-
-
+const LOOK_BEFORE_GOING: f64 = 1.0;
+const HEAD_ON: f64 = 1.0;
 const LOOK_STEP: f64 = 0.25;
 /// Agents slower than this stand, in m/s.
 const STANDING: f64 = 0.3;
 
-/// Rank and, within it, how many agents away from the one that it was inherited from.
-type Rank = (u64, u32, usize);
+/// Whether an agent can wait, and when it set out: the smaller goes first.
+type OwnRank = (bool, u64);
+/// Rank and, within it, how many agents away from the one that it was inherited from, and the agent.
+type Rank = (OwnRank, u32, usize);
 
 /// The working memory of giving way.
 #[derive(Debug, Default)]
@@ -90,19 +92,19 @@ impl Yielding {
                 self.enter_or_wait(crowd, agent);
             }
         }
-        if crowd.walkers.iter().all(|walker| walker.slow < crate::cc("PATIENCE", 0.4)) {
+        if crowd.walkers.iter().all(|walker| walker.slow < PATIENCE) {
             return;
         }
         self.rank(crowd);
         for place in 0..self.order.len() {
             let agent = self.order[place];
-            if crowd.walkers[agent].slow >= crate::cc("PATIENCE", 0.4) && !crowd.walkers[agent].is_ghost {
+            if crowd.walkers[agent].slow >= PATIENCE && !crowd.walkers[agent].is_ghost {
                 self.press(crowd, place);
             }
         }
         for agent in 0..crowd.len() {
             let walker = &crowd.walkers[agent];
-            if walker.slow >= crate::cc("DETOUR_PATIENCE", 1.5) && walker.detour_pause == 0.0 && walker.aside.is_none() {
+            if walker.slow >= DETOUR_PATIENCE && walker.detour_pause == 0.0 && walker.aside.is_none() {
                 self.detour(crowd, agent);
             }
         }
@@ -122,8 +124,8 @@ impl Yielding {
             if walker.arrived || walker.is_ghost || !walker.has_entered {
                 continue;
             }
-            crowd.ahead(agent, crate::cc("WAY_AHEAD", 8.0), &mut self.mine);
-            let found = scene.gates().first_stretch(space, &self.mine, crate::cc("DECISION", 1.2), &mut self.entered[agent]);
+            crowd.ahead(agent, WAY_AHEAD, &mut self.mine);
+            let found = scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.entered[agent]);
             crowd.walkers[agent].has_entered = found.is_some();
         }
     }
@@ -134,9 +136,9 @@ impl Yielding {
         if walker.arrived || walker.has_entered {
             return;
         }
-        crowd.ahead(agent, crate::cc("WAY_AHEAD", 8.0), &mut self.mine);
+        crowd.ahead(agent, WAY_AHEAD, &mut self.mine);
         let (scene, space) = (crowd.scene, crowd.scene.space());
-        if scene.gates().first_stretch(space, &self.mine, crate::cc("DECISION", 1.2), &mut self.stretch).is_none() {
+        if scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.stretch).is_none() {
             return;
         }
         let Some(other) = self.met_inside(crowd, agent) else {
@@ -144,7 +146,7 @@ impl Yielding {
             self.entered[agent].clone_from(&self.stretch);
             return;
         };
-        crowd.ahead(other, crate::cc("WAY_AHEAD", 8.0), &mut self.theirs);
+        crowd.ahead(other, WAY_AHEAD, &mut self.theirs);
         if let Some(route) = self.place_aside(crowd, agent, other, false) {
             self.step_aside(crowd, agent, other, route);
         }
@@ -159,14 +161,14 @@ impl Yielding {
             return Some(other);
         }
         let rank = own_rank(crowd, agent);
-        others.filter(|other| own_rank(crowd, *other) < rank && crowd.walkers[*other].slow >= crate::cc("LONG_WAIT", 2.5)).find(|other| {
+        others.filter(|other| own_rank(crowd, *other) < rank && crowd.walkers[*other].slow >= LONG_WAIT).find(|other| {
             let (walker, position) = (&crowd.walkers[*other], crowd.position(*other));
             if walker.aside.is_none() || walker.is_ghost {
                 return false;
             }
-            walker.line.ahead(position, crate::cc("WAY_AHEAD", 8.0), &mut self.others);
+            walker.line.ahead(position, WAY_AHEAD, &mut self.others);
             let (scene, space) = (crowd.scene, crowd.scene.space());
-            let waits = scene.gates().first_stretch(space, &self.others, 2.0 * crate::cc("DECISION", 1.2), &mut self.waiting).is_some();
+            let waits = scene.gates().first_stretch(space, &self.others, 2.0 * DECISION, &mut self.waiting).is_some();
             waits && gates::meet(&self.stretch, &self.waiting, near)
         })
     }
@@ -195,8 +197,8 @@ impl Yielding {
         let Some(aside) = &mut crowd.walkers[agent].aside else { return };
         aside.steps += 1;
         let (seconds, other) = (aside.steps as f64 * time_step, aside.for_whom);
-        let is_over = seconds >= crate::cc("SHORTEST_ASIDE", 0.5) && !self.meet(crowd, agent, other);
-        if !is_over && seconds < crate::cc("LONGEST_ASIDE", 5.0) {
+        let is_over = seconds >= SHORTEST_ASIDE && !self.meet(crowd, agent, other);
+        if !is_over && seconds < LONGEST_ASIDE {
             return;
         }
         let position = crowd.position(agent);
@@ -210,8 +212,8 @@ impl Yielding {
     /// Tells whether an agent, going on now, would meet someone in a narrow place, or another one head-on right here.
     fn meet(&mut self, crowd: &Crowd, agent: usize, other: usize) -> bool {
         let (scene, space) = (crowd.scene, crowd.scene.space());
-        crowd.walkers[agent].line.ahead(crowd.position(agent), crate::cc("WAY_AHEAD", 8.0), &mut self.mine);
-        if scene.gates().first_stretch(space, &self.mine, crate::cc("DECISION", 1.2), &mut self.stretch).is_some()
+        crowd.walkers[agent].line.ahead(crowd.position(agent), WAY_AHEAD, &mut self.mine);
+        if scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.stretch).is_some()
             && self.met_inside(crowd, agent).is_some()
         {
             return true;
@@ -219,8 +221,8 @@ impl Yielding {
         if crowd.walkers[other].arrived || crowd.walkers[other].aside.is_some() {
             return false;
         }
-        crowd.walkers[agent].line.ahead(crowd.position(agent), crate::cc("LOOK_BEFORE_GOING", 1.0), &mut self.mine);
-        crowd.ahead(other, crate::cc("HEAD_ON", 1.0), &mut self.theirs);
+        crowd.walkers[agent].line.ahead(crowd.position(agent), LOOK_BEFORE_GOING, &mut self.mine);
+        crowd.ahead(other, HEAD_ON, &mut self.theirs);
         let near = 2.0 * crowd.scene.config().radius + ROOM;
         self.mine.windows(2).any(|piece| {
             let along = (piece[1] - piece[0]).normalized();
@@ -228,7 +230,7 @@ impl Yielding {
             (0..=looks as usize).any(|i| {
                 let point = piece[0] + (piece[1] - piece[0]) * (i as f64 / looks.max(1.0));
                 let (distance, direction) = nearest_piece(point, &self.theirs);
-                distance < near && direction.dot(along) < crate::cc("SAME_WAY", 0.3)
+                distance < near && direction.dot(along) < SAME_WAY
             })
         })
     }
@@ -238,24 +240,24 @@ impl Yielding {
         let agent = self.order[place];
         let radius = crowd.scene.config().radius;
         let near = 2.0 * radius + ROOM;
-        crowd.ahead(agent, crate::cc("WAY_AHEAD", 8.0), &mut self.theirs);
+        crowd.ahead(agent, WAY_AHEAD, &mut self.theirs);
         let position = crowd.position(agent);
         for i in place + 1..self.order.len() {
             let other = self.order[i];
             let there = crowd.position(other);
-            if there.distance(position) > crate::cc("NEAR", 3.0) {
+            if there.distance(position) > NEAR {
                 continue;
             }
             let walker = &crowd.walkers[other];
             // Already on its way to a place that leaves room.
             let is_leaving = walker.aside.as_ref().is_some_and(|aside| {
                 let end = aside.line.route.end();
-                end.distance(there) > AT_PLACE && distance_to_line(end, &self.theirs) >= crate::cc("BESIDE", 1.6) * radius
+                end.distance(there) > AT_PLACE && distance_to_line(end, &self.theirs) >= BESIDE * radius
             });
             let (distance, direction) = nearest_piece(there, &self.theirs);
             let goes_along = !walker.arrived
                 && walker.aside.is_none()
-                && walker.wish(there, crowd.scene.config().time_step).normalized().dot(direction) > crate::cc("SAME_WAY", 0.3);
+                && walker.wish(there, crowd.scene.config().time_step).normalized().dot(direction) > SAME_WAY;
             if is_leaving || distance >= near || goes_along {
                 continue;
             }
@@ -264,7 +266,7 @@ impl Yielding {
             } else if !crowd.walkers[other].arrived && crowd.walkers[agent].aside.is_none() {
                 // No place to go: it is the other way round.
                 let (high, low) = (crowd.walkers[agent].rank, crowd.walkers[other].rank);
-                if high < low && crowd.walkers[other].slow >= crate::cc("PATIENCE", 0.4) {
+                if high < low && crowd.walkers[other].slow >= PATIENCE {
                     crowd.walkers[agent].rank = low;
                     crowd.walkers[other].rank = high;
                     crowd.walkers[other].aside = None;
@@ -283,7 +285,8 @@ impl Yielding {
         self.standing.clear();
         for other in 0..crowd.len() {
             let there = crowd.position(other);
-            if other == agent || other == for_whom || there.distance(from) > crate::cc("WAY_AHEAD", 8.0) {
+            let is_ghost = crowd.walkers[other].is_ghost;
+            if other == agent || other == for_whom || is_ghost || there.distance(from) > WAY_AHEAD {
                 continue;
             }
             let goes_first = self.ranks[other] < self.ranks[agent];
@@ -291,17 +294,20 @@ impl Yielding {
                 if ways == self.ways.len() {
                     self.ways.push(Vec::new());
                 }
-                crowd.ahead(other, crate::cc("OTHERS_AHEAD", 2.5), &mut self.ways[ways]);
+                crowd.ahead(other, OTHERS_AHEAD, &mut self.ways[ways]);
                 ways += 1;
             }
             match &crowd.walkers[other].aside {
                 Some(aside) => self.standing.push(aside.line.route.end()),
-                None if crowd.walkers[other].slow >= crate::cc("PATIENCE", 0.4) || crowd.walkers[other].arrived => self.standing.push(there),
+                None if crowd.walkers[other].slow >= PATIENCE || crowd.walkers[other].arrived => {
+                    self.standing.push(there)
+                }
                 None => {}
             }
         }
         let presser = crowd.position(for_whom);
-        let (own, theirs, others, standing) = (from.distance(presser), &self.theirs, &self.ways[..ways], &self.standing);
+        let (own, theirs, others, standing) =
+            (from.distance(presser), &self.theirs, &self.ways[..ways], &self.standing);
         let is_passable = |cell: Cell| {
             let distance = frame.center(cell).distance(presser);
             distance >= near - ROOM || distance >= own
@@ -310,15 +316,15 @@ impl Yielding {
             let is_place = |cell: Cell| {
                 let center = frame.center(cell);
                 distance_to_line(center, theirs) >= off
-                    && (off >= near || !scene.gates().is_narrow(scene.space(), center))
+                    && (off == near || !scene.gates().is_narrow(scene.space(), center))
                     && others.iter().all(|way| distance_to_line(center, way) >= off)
                     && standing.iter().all(|place| place.distance(center) >= near - ROOM)
             };
             scene.router().nearest(scene.space(), &mut crowd.search, from, FARTHEST_ASIDE, is_passable, is_place)
         };
-        let off_the_way = nearest(near + crate::cc("EXTRA", 0.15));
-        if !strictly && off_the_way.as_ref().is_none_or(|route| route.length() > crate::cc("FAR_ASIDE", 2.0)) {
-            return nearest(crate::cc("BESIDE", 1.6) * radius).or(off_the_way);
+        let off_the_way = nearest(near);
+        if !strictly && off_the_way.as_ref().is_none_or(|route| route.length() > FAR_ASIDE) {
+            return nearest(BESIDE * radius).or(off_the_way);
         }
         off_the_way
     }
@@ -331,7 +337,8 @@ impl Yielding {
         self.standing.clear();
         for other in 0..crowd.len() {
             let there = crowd.position(other);
-            if other != agent && there.distance(position) < crate::cc("NEAR", 3.0) && crowd.velocity(other).norm() < STANDING {
+            let stands = !crowd.walkers[other].is_ghost && crowd.velocity(other).norm() < STANDING;
+            if other != agent && stands && there.distance(position) < NEAR {
                 self.standing.push(there);
             }
         }
@@ -363,10 +370,11 @@ fn inherited_rank(crowd: &Crowd, agent: usize) -> Rank {
     (own_rank(crowd, root), depth, agent)
 }
 
-/// Returns an agent's rank: those who have waited for long come before all others, then whoever set out earlier.
-fn own_rank(crowd: &Crowd, agent: usize) -> u64 {
+/// Returns an agent's rank: those who have waited for long come before all others, then whoever set out earlier; who has
+/// arrived comes last.
+fn own_rank(crowd: &Crowd, agent: usize) -> OwnRank {
     let walker = &crowd.walkers[agent];
-    if walker.slow >= crate::cc("LONG_WAIT", 2.5) { walker.rank.min(u64::MAX / 4) } else { walker.rank.max(1).saturating_add(u64::MAX / 2) }
+    (walker.slow < LONG_WAIT, if walker.arrived { u64::MAX } else { walker.rank })
 }
 
 /// Returns the distance from a point to a line of straight pieces, and the direction of the nearest piece.

@@ -9,8 +9,8 @@ use crate::domain::random::Stream;
 use crate::domain::tracks::{Sample, agent_id};
 
 use super::config::CrowdConfig;
-use super::crowd::{Crowd, Status, Tally};
 use super::scene::Scene;
+use super::walkers::{Crowd, Status, Tally};
 
 /// The tracks of one episode.
 #[derive(Debug, Clone, PartialEq)]

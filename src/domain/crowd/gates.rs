@@ -6,9 +6,9 @@ use crate::domain::map::squared_distances;
 use super::space::FreeSpace;
 
 /// Room that two discs need beside each other, beyond their diameters, in meters.
-
+const ROOM_TO_PASS: f64 = 0.1;
 /// An agent decides this far before a narrow place, in meters.
-pub const DECISION: f64 = 1.2;
+pub const DECISION: f64 = 0.4;
 /// Spacing of the points along a narrow stretch, in meters.
 const SPACING: f64 = 0.1;
 /// A stretch is left after this many points that are not narrow.
@@ -31,9 +31,9 @@ impl Gates {
     pub fn new(space: &FreeSpace) -> Self {
         let map = space.map();
         // Where a disc fits that holds two agents and the room between them, these two can be side by side anywhere in it.
-        let both = FreeSpace::new(map, 2.0 * space.radius() + 0.5 * crate::cc("ROOM_TO_PASS", 0.1));
+        let both = FreeSpace::new(map, 2.0 * space.radius() + 0.5 * ROOM_TO_PASS);
         let to_roomy = squared_distances(&both.open().map(|open| !open));
-        let reach = (space.radius() + 0.5 * crate::cc("ROOM_TO_PASS", 0.1)) / map.resolution() + 0.71;
+        let reach = (space.radius() + 0.5 * ROOM_TO_PASS) / map.resolution() + 0.71;
         // The transform takes the outside for roomy; it is as far away as the border is near.
         let (rows, cols) = (to_roomy.rows(), to_roomy.cols());
         Self(Grid::from_fn(rows, cols, |cell| {
@@ -98,7 +98,8 @@ pub fn meet(mine: &[Stride], theirs: &[Stride], near: f64) -> bool {
     let near_squared = near * near;
     mine.iter().any(|a| {
         theirs.iter().any(|b| {
-            (a.point - b.point).norm_squared() < near_squared && a.direction.dot(b.direction) < 0.3
+            (a.point - b.point).norm_squared() < near_squared
+                && a.direction.dot(b.direction) < super::deadlock::SAME_WAY
         })
     })
 }
@@ -110,7 +111,14 @@ mod tests {
 
     #[test]
     fn a_door_is_narrow_and_rooms_are_not() {
-        let rows = ["###############", "#......#......#", "#......#......#", "#.............#", "#......#......#", "###############"];
+        let rows = [
+            "###############",
+            "#......#......#",
+            "#......#......#",
+            "#.............#",
+            "#......#......#",
+            "###############",
+        ];
         let space = FreeSpace::new(&plan(&rows, 8), 0.2);
         let gates = Gates::new(&space);
         let at = |x, y| gates.is_narrow(&space, Point::new(x, y));
@@ -119,10 +127,10 @@ mod tests {
         assert!(!at(1.15, 2.0), "along a wall");
         let way = [Point::new(4.9, 2.0), Point::new(9.0, 2.0)];
         let mut stretch = Vec::new();
-        let start = gates.first_stretch(&space, &way, DECISION, &mut stretch).expect("a door ahead");
+        let start = gates.first_stretch(&space, &way, 1.2, &mut stretch).expect("a door ahead");
         assert!(start > 0.4 && start < 0.9, "{start}");
         let back: Vec<Stride> = stretch.iter().rev().map(|s| Stride { direction: -s.direction, ..*s }).collect();
         assert!(meet(&stretch, &back, 0.4) && !meet(&stretch, &stretch.clone(), 0.4));
-        assert_eq!(gates.first_stretch(&space, &way[..1], DECISION, &mut stretch), None);
+        assert_eq!(gates.first_stretch(&space, &way[..1], 1.2, &mut stretch), None);
     }
 }

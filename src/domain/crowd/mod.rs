@@ -12,7 +12,6 @@
 
 mod config;
 mod contours;
-mod crowd;
 mod deadlock;
 mod episode;
 mod gates;
@@ -25,13 +24,14 @@ mod routes;
 mod scene;
 mod space;
 mod walker;
+mod walkers;
 
 pub use config::{CrowdConfig, CrowdFields, MOST_WALKERS, Preset, Speed, SpeedFields};
-pub use crowd::{Crowd, Status};
 pub use episode::{Episode, Summary};
 pub use navigation::{NavConfig, NavEpisode, Robot};
 pub use routes::Route;
 pub use scene::Scene;
+pub use walkers::{Crowd, Status};
 
 use super::orca::OrcaError;
 

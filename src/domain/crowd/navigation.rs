@@ -90,14 +90,7 @@ impl Scene {
             .ok_or(CrowdError::ShortRobotPaths { attempts: ATTEMPTS, steps: config.steps })
     }
 
-    fn attempt(
-        &self,
-        seed: u64,
-        map: &[u8; 32],
-        number: u32,
-        attempt: u32,
-        config: &NavConfig,
-    ) -> Option<NavEpisode> {
+    fn attempt(&self, seed: u64, map: &[u8; 32], number: u32, attempt: u32, config: &NavConfig) -> Option<NavEpisode> {
         let name = format!("navigate, attempt {attempt}");
         let source = Source { seed, map, number, name: &name };
         let mut wanderers = Wanderers::new(self, source, FEWEST_PEDESTRIANS);

@@ -40,7 +40,8 @@ fn is_free(polygons: &[Vec<Point>], p: Point) -> bool {
     polygons.iter().filter(|polygon| polygon.len() > 2).all(|polygon| {
         let edges = (0..polygon.len()).map(|i| (polygon[i], polygon[(i + 1) % polygon.len()]));
         let area: f64 = edges.clone().map(|(a, b)| a.det(b)).sum();
-        let crossings = edges.filter(|(a, b)| (a.y <= p.y) != (b.y <= p.y) && ((*b - *a).det(p - *a) > 0.0) == (b.y > a.y));
+        let crossings =
+            edges.filter(|(a, b)| (a.y <= p.y) != (b.y <= p.y) && ((*b - *a).det(p - *a) > 0.0) == (b.y > a.y));
         let inside = crossings.count() % 2 == 1;
         inside == (area < 0.0)
     })
@@ -50,7 +51,10 @@ fn is_free(polygons: &[Vec<Point>], p: Point) -> bool {
 fn block_edge(free: &mut Grid<bool>, frame: &Frame, a: Point, b: Point) {
     let (a, b) = (frame.to_local(a), frame.to_local(b));
     let half = 0.5 * frame.resolution * (1.0 - 1e-6);
-    let (low, high) = (frame.signed_cell(Point::new(a.x.min(b.x), a.y.max(b.y))), frame.signed_cell(Point::new(a.x.max(b.x), a.y.min(b.y))));
+    let (low, high) = (
+        frame.signed_cell(Point::new(a.x.min(b.x), a.y.max(b.y))),
+        frame.signed_cell(Point::new(a.x.max(b.x), a.y.min(b.y))),
+    );
     for row in low.0.max(0)..=high.0.min(frame.rows as isize - 1) {
         for col in low.1.max(0)..=high.1.min(frame.cols as isize - 1) {
             let cell = Cell::new(row as usize, col as usize);

@@ -289,10 +289,16 @@ impl Router {
     pub fn farthest(&self, space: &FreeSpace, search: &mut Search, from: Cell) -> (Cell, f64) {
         let open = space.open();
         let mut last = (open.index_of(from), 0);
-        search.run(&self.links, last.0, |_| 0, |_| true, |index, cost| {
-            last = (index, cost);
-            false
-        });
+        search.run(
+            &self.links,
+            last.0,
+            |_| 0,
+            |_| true,
+            |index, cost| {
+                last = (index, cost);
+                false
+            },
+        );
         (open.cell_of(last.0), f64::from(last.1) / f64::from(STRAIGHT) * space.map().resolution())
     }
 }
@@ -364,7 +370,8 @@ mod tests {
         let cells: Vec<Cell> = space.open().cells().filter(|cell| space.open()[*cell]).collect();
         let frame = space.map().frame();
         for _ in 0..300 {
-            let (a, b) = (frame.center(cells[stream.below(cells.len())]), frame.center(cells[stream.below(cells.len())]));
+            let (a, b) =
+                (frame.center(cells[stream.below(cells.len())]), frame.center(cells[stream.below(cells.len())]));
             let route = router.route(&space, &mut search, a, b, |_| true).expect("one region");
             assert_eq!((route.points()[0], route.end()), (a, b));
             for pair in route.points().windows(2) {

@@ -6,6 +6,7 @@ use crate::domain::geometry::{Frame, Point};
 use crate::domain::map::{MapError, OccupancyMap};
 use crate::domain::orca::Obstacles;
 
+use super::CrowdError;
 use super::config::CrowdConfig;
 use super::contours::walls;
 use super::gates::Gates;
@@ -13,7 +14,6 @@ use super::places::Places;
 use super::polygons;
 use super::routes::Router;
 use super::space::FreeSpace;
-use super::CrowdError;
 
 /// A map made ready for crowds of one kind: walls, open cells, ways and places. It never changes; threads share it.
 #[derive(Debug, Clone)]

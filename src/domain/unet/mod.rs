@@ -2,13 +2,14 @@
 //!
 //! - [`layers`]: the seven convolutions and where their parameters lie;
 //! - [`model`]: the network as a burn module, in burn's own operations; [`loss`]: eq. 4 likewise;
-//! - [`ops`]: the same network as one operation of ours with hand-written kernels, several times as fast;
+//! - `ops`: the same network as one operation of ours with hand-written kernels, several times as fast;
 //! - [`compute`]: which device and which instruction set does the work;
-//! - [`batches`]: which samples make a batch, and their assembly; [`trainer`]: epochs;
+//! - [`batches`]: which samples make a batch, and their assembly; `learner`: one step; [`trainer`]: epochs;
 //! - [`network`]: the trained network, applied to windows and whole maps.
 //!
-//! The bits of a result depend on device and instruction set (vector instructions fuse multiplications and additions),
-//! never on the number of threads: a batch is summed over fixed shards in a fixed order.
+//! The bits of a result depend on the device and on whether its instruction set fuses multiplications and additions: the
+//! AVX2 and AVX-512 kernels give equal bits, the portable ones, which do not fuse, others. They never depend on the
+//! number of threads: a batch is summed over fixed shards in a fixed order.
 
 pub mod batches;
 pub mod compute;

@@ -139,6 +139,13 @@ fn read_maps(value: &Tree, folder: &Path, register: &Register, problems: &mut Ve
                     if let Some(first) = seen.insert(map.name.clone(), source.key_span) {
                         let problem = Problem::new(source.key_span, format!("two maps are called `{}`", map.name));
                         let first = (first != source.key_span).then_some(first);
+                        let help = match source.key.as_str() {
+                            "files" | "igibson" => {
+                                "a map is named after its file, or its folder if the file is called `map`: rename one"
+                            }
+                            _ => "maps of a series are named by their number: give another `first`",
+                        };
+                        let problem = problem.with_help(help);
                         problems.push(match first {
                             Some(first) => problem.with_label("again here").with_context(first, "first here"),
                             None => problem.with_label("both are here"),

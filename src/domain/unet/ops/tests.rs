@@ -133,6 +133,79 @@ fn pooling_takes_the_maximum_and_gives_the_gradient_to_the_first() {
     }
 }
 
+/// Doubles an image: each pixel becomes two by two.
+fn double(image: &Image) -> Image {
+    let mut doubled = Image::default();
+    doubled.resize(2 * image.rows, 2 * image.cols, image.channels);
+    for row in 0..doubled.rows {
+        let line = image.row(row / 2).chunks_exact(image.channels).flat_map(|pixel| [pixel, pixel]).flatten();
+        doubled.row_mut(row).iter_mut().zip(line).for_each(|(to, from)| *to = *from);
+    }
+    doubled
+}
+
+/// The four phases with their folded weights, against nine taps on an image that is really doubled: forward, and the
+/// gradients of input and weights.
+#[test]
+fn phases_are_the_convolution_of_a_doubled_image() {
+    let layers = Layers::new(3);
+    let layer = &layers.decoder2;
+    let flat = random(layers.parameters(), 1);
+    let mut parameters = Parameters::new(3);
+    parameters.load(&flat, true);
+    let small = random_image(3, 8, layer.inputs / 2, 2);
+    let large = double(&small);
+    let gradient = random_image(6, 16, layer.outputs, 3);
+    let image = |rows, cols, channels| {
+        let mut image = Image::default();
+        image.resize(rows, cols, channels);
+        image
+    };
+    for simd in available() {
+        let run = |sources: &[(image::Source<'_>, Weights<'_>)], mut target: image::Target<'_>| {
+            convolve(simd, sources, &[], Then::Nothing, &mut target);
+        };
+        let (mut expected, mut found) = (image(6, 16, layer.outputs), image(6, 16, layer.outputs));
+        run(&[(large.neighbors(), parameters.weights(layer, 0))], expected.target());
+        for phase in PHASES {
+            run(&[(small.doubled(phase), parameters.doubled(layer, phase))], found.target_of(phase));
+        }
+        for_each(&expected, |r, c, k| assert_close(at(&found, r, c, k), at(&expected, r, c, k), 50.0, "forward"));
+
+        // What each of the four pixels gets, by the weights turned here, added up.
+        let mut turned = vec![0.0; 9 * small.channels * layer.outputs];
+        for (i, weight) in turned.iter_mut().enumerate() {
+            let (tap, output, input) =
+                (i / (small.channels * layer.outputs), i / small.channels % layer.outputs, i % small.channels);
+            *weight = flat[layer.start + ((8 - tap) * layer.inputs + input) * layer.outputs + output];
+        }
+        let (mut four, mut found) = (image(6, 16, small.channels), image(3, 8, small.channels));
+        let weights = Weights { data: &turned, tap: small.channels * layer.outputs };
+        run(&[(gradient.neighbors(), weights)], four.target());
+        run(&[(gradient.undoubled(), parameters.undoubled(layer))], found.target());
+        for_each(&found, |r, c, k| {
+            let sum = PHASES.map(|[a, b]| at(&four, 2 * r + a as isize, 2 * c + b as isize, k)).iter().sum();
+            assert_close(at(&found, r, c, k), sum, 50.0, "gradient of the input");
+        });
+
+        let correlation =
+            |input, gradient, size| Correlation { input, gradient, size, tap: small.channels * layer.outputs };
+        let mut expected = vec![0.0; 9 * small.channels * layer.outputs];
+        correlate(simd, &correlation(large.neighbors(), gradient.pixels(), [6, 16]), &mut expected);
+        let mut sums = Gradients::new(&layers);
+        for phase in PHASES {
+            let phases = correlation(small.doubled(phase), gradient.pixels_of(phase), [3, 8]);
+            correlate(simd, &phases, sums.doubled(layer, &layers, phase));
+        }
+        let (found, _) = reduce(&layers, &mut [sums]);
+        for (i, expected) in expected.iter().enumerate() {
+            let (tap, rest) = (i / (small.channels * layer.outputs), i % (small.channels * layer.outputs));
+            let found = found[layer.start + tap * layer.inputs * layer.outputs + rest];
+            assert_close(found.into(), (*expected).into(), 50.0, "gradient of the weights");
+        }
+    }
+}
+
 fn batch(size: usize, samples: usize, classes: usize) -> Batch {
     let mut stream = Stream::new(9, &[0; 32], 0, "ops/test");
     let cells = samples * size * size;

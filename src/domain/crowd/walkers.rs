@@ -10,7 +10,6 @@ use super::deadlock::Yielding;
 use super::episode::Summary;
 use super::routes::{Route, Search};
 use super::scene::Scene;
-use super::space::FreeSpace;
 use super::walker::{Line, Walker};
 
 /// How an agent's present path goes.
@@ -55,6 +54,10 @@ const ONCOMING: f64 = 0.1;
 const SAME_LINE: f64 = 0.1;
 /// How far a wish is turned aside: the tangent of the angle.
 const TURN: f64 = 0.6;
+/// An agent is held up if it goes by less than this share of its wish where it wishes to go.
+const HELD_UP: f64 = 0.5;
+/// Share of its wish that the others then reckon with.
+const INSISTENCE: f64 = 0.6;
 /// A disc may reach this far into a wall, in meters.
 const TOLERATED: f64 = 0.01;
 
@@ -182,18 +185,6 @@ impl<'s> Crowd<'s> {
         }
     }
 
-    // DEBUG
-    pub fn describe(&self, agent: usize) -> String {
-        let w = &self.walkers[agent];
-        let p = self.position(agent); let v = self.velocity(agent); let a = w.current().aim();
-        let q = self.simulation.preferred_velocity(agent); format!("{agent}{} ({:.2},{:.2}) v {:.2},{:.2} want {:.2},{:.2} aim {:.2},{:.2} rem {:.2} slow {:.1} {}", if w.arrived {"*"} else {""}, p.x, p.y, v.x, v.y, q.x, q.y, a.x, a.y, w.line.remaining(p), w.slow, w.aside.as_ref().map_or(format!("r{}", w.rank), |a| format!("aside for {} end {:.2},{:.2}", a.for_whom, a.line.route.end().x, a.line.route.end().y)))
-    }
-    pub fn draw_start_debug(&mut self, s: &mut Stream) -> Point {
-        let taken: Vec<Point> = (0..self.len()).map(|a| self.position(a)).collect();
-        self.scene.places().start(self.scene.space(), s, &taken, 0.4).expect("x")
-    }
-    pub fn send_somewhere_debug(&mut self, a: usize, s: &mut Stream) -> bool { self.send_somewhere(a, s) }
-    // END DEBUG
     /// Returns what has happened so far; paths are counted by those who give goals.
     #[must_use]
     pub fn summary(&self) -> Summary {
@@ -244,14 +235,46 @@ impl<'s> Crowd<'s> {
             }
         }
         let wish = walker.wish(position, config.time_step);
-        let wish = evading(wish, agent, &self.simulation, scene.space());
+        let wish = self.evading(wish, agent);
         let walker = &mut self.walkers[agent];
         let wish = wish + walker.noise(config.noise, config.time_step);
-        let turns = walker.aside.as_ref().is_some_and(|aside| aside.steps == 0) || walker.slow > 0.0;
-        if turns && wish.dot(self.simulation.velocity(agent)) < 0.5 * wish.norm_squared() {
-            self.simulation.set_velocity(agent, wish * 0.6);
+        if walker.slow > 0.0 && wish.dot(self.simulation.velocity(agent)) < HELD_UP * wish.norm_squared() {
+            // ORCA lays its half-planes around the present velocities. That of an agent which is held up is the one that
+            // the others force on it, and they would go on to push it along; so its wish takes that place, which the
+            // paper names as the other choice. All sides still use the same velocities, so the half-planes stay
+            // reciprocal.
+            self.simulation.set_velocity(agent, wish * INSISTENCE);
         }
         self.simulation.set_preferred_velocity(agent, wish);
+    }
+
+    /// Turns a wish aside where someone comes straight towards the agent: to the side on which there is more room, or to
+    /// the right where both are alike.
+    ///
+    /// ORCA lets a head-on pair push each other along instead: who comes walking never has to slow down for who gives in.
+    fn evading(&self, wish: Point, agent: usize) -> Point {
+        let space = self.scene.space();
+        let (position, heading) = (self.simulation.position(agent), wish.normalized());
+        let mut met = None;
+        let mut nearest = EVADE;
+        for (other, disc) in self.simulation.discs().iter().enumerate() {
+            let to = disc.position - position;
+            let ahead = to.dot(heading);
+            if other == agent || self.walkers[other].is_ghost || ahead <= 0.0 || ahead > nearest {
+                continue;
+            }
+            let left = heading.det(to);
+            if left.abs() < 2.0 * space.radius() && disc.velocity.dot(heading) < ONCOMING {
+                nearest = ahead;
+                met = Some((disc.position, left));
+            }
+        }
+        let Some((other, left)) = met else { return wish };
+        let beside = heading.perpendicular() * (2.0 * space.radius() + 0.5 * SAME_LINE);
+        let eye = space.eye(position);
+        let sides = if left < -SAME_LINE { [1.0, -1.0] } else { [-1.0, 1.0] };
+        let side = sides.into_iter().find(|side| space.sees(eye, other + beside * *side)).unwrap_or(0.0);
+        wish + wish.perpendicular() * (side * TURN)
     }
 
     fn keep_out_of_walls(&mut self) {
@@ -294,30 +317,44 @@ impl<'s> Crowd<'s> {
     }
 }
 
-/// Turns a wish aside where someone comes straight towards the agent: to the side on which there is more room, or to the
-/// right where both are alike.
-///
-/// ORCA lets a head-on pair push each other along instead: who comes walking never has to slow down for who gives in.
-fn evading(wish: Point, agent: usize, simulation: &Simulation, space: &FreeSpace) -> Point {
-    let (position, heading) = (simulation.position(agent), wish.normalized());
-    let mut met = None;
-    let mut nearest = EVADE;
-    for (other, disc) in simulation.discs().iter().enumerate() {
-        let to = disc.position - position;
-        let ahead = to.dot(heading);
-        if other == agent || ahead <= 0.0 || ahead > nearest {
-            continue;
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::crowd::CrowdConfig;
+    use crate::domain::crowd::plans::plan;
+
+    /// Where three agents are after some seconds, who cross a door; with another one among them, visible or not.
+    fn tracks(visible: Option<bool>) -> Vec<Point> {
+        let rows = [
+            "###############",
+            "#......#......#",
+            "#......#......#",
+            "#.............#",
+            "#......#......#",
+            "###############",
+        ];
+        let scene = Scene::new(&plan(&rows, 8), &CrowdConfig::default()).expect("a scene");
+        let mut crowd = Crowd::new(&scene);
+        let ways =
+            [((2.0, 2.0), (10.0, 2.5)), ((10.0, 2.0), (2.0, 1.5)), ((3.0, 3.5), (9.0, 3.5)), ((9.0, 1.5), (3.0, 2.0))];
+        for (agent, (start, _)) in ways.iter().take(if visible.is_some() { 4 } else { 3 }).enumerate() {
+            let noise = Stream::new(1, &[0; 32], agent as u64, "noise");
+            crowd.add(Point::new(start.0, start.1), 1.3, noise);
         }
-        let left = heading.det(to);
-        if left.abs() < 2.0 * space.radius() && disc.velocity.dot(heading) < ONCOMING {
-            nearest = ahead;
-            met = Some((disc.position, left));
+        if let Some(visible) = visible {
+            crowd.set_visible(3, visible);
         }
+        for (agent, (_, goal)) in ways.iter().enumerate().take(crowd.len()) {
+            assert!(crowd.send(agent, Point::new(goal.0, goal.1)));
+        }
+        (0..150).for_each(|_| crowd.step());
+        assert!((0..3).all(|agent| crowd.status(agent) == Status::Arrived));
+        (0..3).map(|agent| crowd.position(agent)).collect()
     }
-    let Some((other, left)) = met else { return wish };
-    let beside = wish.perpendicular().normalized() * (2.0 * space.radius() + 0.5 * SAME_LINE);
-    let eye = space.eye(position);
-    let sides = if left < -SAME_LINE { [1.0, -1.0] } else { [-1.0, 1.0] };
-    let side = sides.into_iter().find(|side| space.sees(eye, other + beside * *side)).unwrap_or(0.0);
-    wish + wish.perpendicular() * (side * TURN)
+
+    #[test]
+    fn nobody_heeds_a_ghost() {
+        assert_eq!(tracks(Some(false)), tracks(None));
+        assert_ne!(tracks(Some(true)), tracks(None));
+    }
 }

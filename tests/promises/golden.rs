@@ -1,0 +1,157 @@
+//! A golden digest for each stage that computes alike on every processor: output changed and the version did not? It fails.
+
+use std::collections::BTreeMap;
+
+use serde_json::{Value, json};
+use trodden::domain::geometry::{Cell, Frame, Grid, Point};
+use trodden::domain::map::OccupancyMap;
+use trodden::domain::quantize::Labels;
+use trodden::domain::raster::VisitCounts;
+use trodden::domain::tracks::{Sample, Tracks, agent_id};
+use trodden::kinds::{Heat, Kind, NavEpisodes, NavSample, Placed, Written};
+use trodden::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageSpec};
+use trodden::stages::REGISTER;
+use trodden::store::{Artifact, Store};
+
+use super::{Place, Room};
+
+const ROWS: usize = 60;
+const COLS: usize = 70;
+
+fn frame() -> Frame {
+    Frame { origin: Point::new(-1.5, 0.25), ..Frame::at_zero(0.1, ROWS, COLS) }
+}
+
+fn grid<T>(value: impl Fn(usize, usize) -> T) -> Grid<T> {
+    Grid::from_fn(ROWS, COLS, |Cell { row, col }| value(row, col))
+}
+
+fn map() -> OccupancyMap {
+    let room = Room { desk: (10, 10), door: 30 };
+    OccupancyMap::new(grid(|row, col| room.is_free(row, col, ROWS, COLS)), frame()).expect("free cells")
+}
+
+/// Three agents who walk to and fro on straight lines, in two episodes.
+fn samples() -> Vec<Sample> {
+    let ids = (0..2).flat_map(|episode| (0..3).map(move |agent| (episode, agent)));
+    let sample = |episode: u32, agent: usize, frame: i64| {
+        let along = (frame % 16) as f64 * 0.125;
+        Sample {
+            episode,
+            id: agent_id(episode, agent),
+            frame,
+            position: Point::new(0.75 + along + f64::from(episode), 0.5 + agent as f64 * 0.625 + along * 0.5),
+            velocity: Point::new(1.25, 0.625),
+            path: (frame / 16) as u32,
+        }
+    };
+    ids.flat_map(|(episode, agent)| (0..40).map(move |frame| sample(episode, agent, frame))).collect()
+}
+
+/// Values on the free cells of [`map`], something else on blocked ones.
+fn on_free<T>(blocked: T, value: impl Fn(usize, usize) -> T) -> Grid<T>
+where
+    T: Copy,
+{
+    let map = map();
+    grid(|row, col| if map.free()[Cell::new(row, col)] { value(row, col) } else { blocked })
+}
+
+fn visits() -> Placed<VisitCounts> {
+    Placed::new(frame(), VisitCounts { counts: on_free(0, |row, col| (row * col % 97) as u32), paths: 120 })
+}
+
+fn labels() -> Placed<Labels> {
+    let classes = on_free(0, |row, col| [-1, 1, 2, 3][row * col % 4]);
+    Placed::new(frame(), Labels { classes, count: 3 })
+}
+
+fn heat() -> Placed<Heat> {
+    let part = |scale: usize| grid(|row, col| ((row * scale + col) % 64) as f32 / 64.0);
+    let heat = on_free(0.0, |row, col| ((row * 3 + col) % 64) as f32 / 64.0);
+    let classes = on_free(0, |row, col| [1, 2, 3][(row + col) % 3]);
+    Placed::new(frame(), Heat { heat, classes, probabilities: (0..4).map(part).collect() })
+}
+
+/// Runs stages in a store of their own and notes what comes out.
+struct Bench {
+    place: Place,
+    store: Store,
+    found: Vec<String>,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let place = Place::new();
+        let store = Store::open(&place.at("artifacts")).expect("opens");
+        Self { place, store, found: Vec::new() }
+    }
+
+    fn put<K: Kind>(&self, value: &K) -> Input {
+        Input::One(match value.write(&self.store).expect("writes") {
+            Written::File(file) => Artifact::single(file),
+            Written::Bundle(files) => self.store.bundle(K::NAME, K::FORMAT, files).expect("writes"),
+        })
+    }
+
+    /// Runs a stage of the register.
+    fn check(&mut self, name: &str, parameters: Value, part: Part, ports: &[(&str, &Input)]) {
+        let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
+        let stage = (entry.parse)(&parameters).expect("good parameters");
+        let ports: BTreeMap<String, Input> =
+            ports.iter().map(|(port, input)| ((*port).to_owned(), (*input).clone())).collect();
+        self.run(entry.spec, &*stage, part, &Inputs { ports, ..Inputs::default() });
+    }
+
+    /// Runs the stage behind the only map of a source.
+    fn check_source(&mut self, source: &str, value: &Value) {
+        let source = REGISTER.maps.iter().find(|entry| entry.name == source).expect("a source");
+        let nodes = (source.expand)(value, &self.place.at("maps")).expect("good parameters");
+        assert_eq!(nodes.len(), 1);
+        self.run(nodes[0].spec, &*nodes[0].stage, Part::Whole, &Inputs::default());
+    }
+
+    fn run(&mut self, spec: &StageSpec, stage: &dyn Stage, part: Part, inputs: &Inputs) {
+        let context = Context { store: &self.store, seed: 7, progress: &|_, _| {}, cancelled: &|| false };
+        let output = stage.run(part, inputs, &context).unwrap_or_else(|error| panic!("{}: {error}", spec.name));
+        let Output::File(file) = output else { panic!("`{}` writes one file", spec.name) };
+        self.found.push(format!("{} {} {}", spec.name, spec.version, &file.digest.to_hex()[..16]));
+    }
+}
+
+#[test]
+fn output_changes_only_with_a_version() {
+    let mut bench = Bench::new();
+    let crowd = |more: Value| {
+        let mut crowd = json!({ "agents": [3, 5], "duration": 8, "goal_distance": 2 });
+        crowd.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
+        crowd
+    };
+    let trips = samples().into_iter().map(|sample| NavSample { sample, robot: sample.id % 1000 == 0 }).collect();
+    let trips = bench.put(&Placed::new(frame(), NavEpisodes { frame_rate: 10.0, samples: trips }));
+    let walks = bench.put(&Placed::new(frame(), Tracks { frame_rate: 10.0, samples: samples() }));
+    let (map, visits, labels, heat) =
+        (bench.put(&map()), bench.put(&visits()), bench.put(&labels()), bench.put(&heat()));
+    let group = |input: &Input| match input {
+        Input::One(artifact) => Input::Group(vec![("room".to_owned(), artifact.clone())]),
+        Input::Group(_) => unreachable!("each was put alone"),
+    };
+
+    bench.check_source("files", &json!("train_a.yaml"));
+    bench.check_source("homes", &json!({ "count": 1, "first": 3, "area": [50, 60] }));
+    bench.check_source("offices", &json!({ "count": 1, "area": [150, 200] }));
+    bench.check("simulate", crowd(json!({ "episodes": 4 })), Part::Chunk(0), &[("map", &map)]);
+    bench.check("rasterize", json!({}), Part::Whole, &[("map", &map), ("walks", &walks)]);
+    bench.check("rasterize", json!({ "count": "steps" }), Part::Whole, &[("map", &map), ("walks", &walks)]);
+    for method in ["uniform", "quantile", "log"] {
+        bench.check("quantize", json!({ "method": method }), Part::Whole, &[("map", &map), ("visits", &visits)]);
+    }
+    let groups = (group(&map), group(&labels));
+    let sizes = json!({ "size": 16, "stride": 8, "min_labeled": 64 });
+    bench.check("tile", sizes, Part::Whole, &[("map", &groups.0), ("labels", &groups.1)]);
+    bench.check("score", json!({}), Part::Whole, &[("heat", &heat), ("labels", &labels), ("visits", &visits)]);
+    let robot = crowd(json!({ "episodes": 2, "steps": 10, "agents": [5, 6] }));
+    bench.check("navigate", robot, Part::Whole, &[("map", &map)]);
+    bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &heat)]);
+    assert_eq!(bench.found, ["GOLDEN"], "output changed: raise VERSION of the stage, then update this digest");
+}
