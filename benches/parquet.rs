@@ -43,7 +43,10 @@ fn parquet(criterion: &mut Criterion) {
     let bytes = encode(&samples);
     println!("{} rows in {} bytes", samples.len(), bytes.len());
     let mut group = criterion.benchmark_group("parquet");
-    group.sample_size(10).measurement_time(Duration::from_secs(8)).throughput(Throughput::Elements(samples.len() as u64));
+    group
+        .sample_size(10)
+        .measurement_time(Duration::from_secs(8))
+        .throughput(Throughput::Elements(samples.len() as u64));
     group.bench_function("write a million rows", |b| b.iter(|| encode(black_box(&samples))));
     group.bench_function("read a million rows", |b| {
         b.iter(|| {

@@ -231,7 +231,10 @@ fn episodes_are_the_same_on_any_number_of_threads() {
 #[test]
 fn golden_episodes() {
     let config = CrowdConfig { duration: 10.0, ..CrowdConfig::default() };
-    assert_eq!(episodes(&flat(), &config, 3, 2).0.to_hex().as_str(), "26140e706f297558b61469a6a53bee547ca961b93a6f7cb93ff271765ba9b94b");
+    assert_eq!(
+        episodes(&flat(), &config, 3, 2).0.to_hex().as_str(),
+        "26140e706f297558b61469a6a53bee547ca961b93a6f7cb93ff271765ba9b94b"
+    );
 }
 
 #[test]

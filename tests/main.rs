@@ -1,6 +1,7 @@
 //! All integration tests, in one binary: one link of polars and burn.
 
 mod architecture;
+mod cli;
 mod crowd;
 mod equations;
 mod kinds;

@@ -162,7 +162,8 @@ impl Maker {
             value if value > 0.2 => 2,
             _ => 1,
         });
-        let probabilities = (0..4i8).map(|class| classes.map(|found| if *found == class { 1.0 } else { 0.0 })).collect();
+        let probabilities =
+            (0..4i8).map(|class| classes.map(|found| if *found == class { 1.0 } else { 0.0 })).collect();
         let (map, own) = (format!("maps/{}", on.name), format!("{stage}/{}", on.name));
         let value = Heat { heat: heat.clone(), classes: classes.clone(), probabilities };
         self.add(&own, "annotate", &Placed::new(frame, value), &[&map, "model"]);
@@ -205,8 +206,7 @@ fn smeared(on: &OnMap, reach: isize) -> Grid<f32> {
             return 0.0;
         }
         let near = (-reach..=reach).flat_map(|dr| (-reach..=reach).map(move |dc| (dr, dc)));
-        let sum: u32 =
-            near.filter_map(|(dr, dc)| counts.get(cell.row as isize + dr, cell.col as isize + dc)).sum();
+        let sum: u32 = near.filter_map(|(dr, dc)| counts.get(cell.row as isize + dr, cell.col as isize + dc)).sum();
         sum as f32 + 0.5
     });
     let most = mean.as_slice().iter().copied().fold(0.0, f32::max);
@@ -237,7 +237,10 @@ fn check_offline(page: &str) {
 }
 
 fn element_count(page: &str, name: &str) -> (usize, usize) {
-    (page.matches(&format!("<{name}>")).count() + page.matches(&format!("<{name} ")).count(), page.matches(&format!("</{name}>")).count())
+    (
+        page.matches(&format!("<{name}>")).count() + page.matches(&format!("<{name} ")).count(),
+        page.matches(&format!("</{name}>")).count(),
+    )
 }
 
 #[test]
@@ -254,7 +257,14 @@ fn the_report_shows_a_finished_run() {
     // One map, two visits, labels and trips; three views of either heat; the other map's labels; the windows.
     assert_eq!(page.matches("data:image/png").count(), 5 + 6 + 1 + 1);
     assert_eq!(page.matches("aria-label=\"confusion matrix").count(), 6);
-    for expected in ["AUC of the wall distance", "heat-wide", "Stuck paths", "Loss (eq. 4)", "home_1000", "trodden run pipelines/homes.yaml"] {
+    for expected in [
+        "AUC of the wall distance",
+        "heat-wide",
+        "Stuck paths",
+        "Loss (eq. 4)",
+        "home_1000",
+        "trodden run pipelines/homes.yaml",
+    ] {
         assert!(page.contains(expected), "{expected}");
     }
     // Drawn once: the second time everything comes from the cache, and is the same.
@@ -284,7 +294,14 @@ fn the_report_of_a_failed_run_says_what_is_missing() {
     std::fs::remove_file(maker.store.path_of(&digest)).expect("removes");
     let page = html::render(&maker.store, &maker.run);
     check_offline(&page);
-    for expected in ["the loss is `NaN`", "heat/home_1000 was not made", "labels/home_00 cannot be shown", "4 epochs", "1 skipped", "odd"] {
+    for expected in [
+        "the loss is `NaN`",
+        "heat/home_1000 was not made",
+        "labels/home_00 cannot be shown",
+        "4 epochs",
+        "1 skipped",
+        "odd",
+    ] {
         assert!(page.contains(expected), "{expected}");
     }
 }
@@ -325,10 +342,7 @@ fn every_kind_is_shown_in_a_terminal_and_as_a_picture() {
         kinds.sort();
         kinds.dedup();
     }
-    assert_eq!(
-        pictures,
-        ["Heat", "Labels", "NavEpisodes", "OccupancyMap", "Tiles", "Trajectories", "VisitCounts"]
-    );
+    assert_eq!(pictures, ["Heat", "Labels", "NavEpisodes", "OccupancyMap", "Tiles", "Trajectories", "VisitCounts"]);
     assert_eq!(tables, ["Checkpoint", "ClassScores", "SocialCosts"]);
     let artifact = maker.run.nodes[0].artifact.as_ref().expect("an artifact");
     let error = Shown::of(&maker.store, "Pottery", artifact).expect_err("no such kind");

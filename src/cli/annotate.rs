@@ -8,10 +8,11 @@ use std::process::ExitCode;
 use super::error::CliError;
 use super::screen::Screen;
 use crate::domain::annotate::{AnnotateConfig, Mode, Normalize, Overlap};
-use crate::domain::map::ImportConfig;
+use crate::domain::map::{IGIBSON_IMAGE, ImportConfig};
 use crate::domain::quantize::OBSTACLE;
 use crate::domain::unet::DeviceName;
 use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
+use crate::pipeline::stage::StageError;
 use crate::report::picture::{Picture, Scale};
 use crate::report::png;
 use crate::stages::import_map::{ImportMap, Origin};
@@ -19,11 +20,13 @@ use crate::stages::{annotate, compute};
 
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "It writes `heat.parquet` (one row a cell: heat, class, probabilities), `heat.png`, and `map.parquet`.
+#[command(
+    after_help = "It writes `heat.parquet` (one row a cell: heat, class, probabilities), `heat.png`, and `map.parquet`.
 
 Examples:
   trodden annotate my_map.yaml --model artifacts/latest/quickstart/model --out annotated
-  trodden annotate plan.png --image-resolution 0.05 --model model --out annotated --mode exact --stride 1")]
+  trodden annotate plan.png --image-resolution 0.05 --model model --out annotated --mode exact --stride 1"
+)]
 pub struct Args {
     /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
     map: PathBuf,
@@ -59,7 +62,7 @@ enum ModeName {
 impl Args {
     pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let import = ImportConfig { image_resolution: self.image_resolution, ..ImportConfig::default() };
-        let map = ImportMap::new(Origin::of(&self.map), import)?.import()?;
+        let map = ImportMap::new(Origin::of(&self.map), import).map_err(|error| self.unreadable(error))?.import()?;
         let checkpoint = self.checkpoint()?;
         let config = AnnotateConfig {
             mode: match self.mode {
@@ -80,6 +83,18 @@ impl Args {
         self.write("map.parquet", &map.to_bytes()?, screen)?;
         self.write("heat.png", &self.picture(&heat), screen)?;
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Says how a folder is read; that it lacks the file of a scene is puzzling if it was meant otherwise.
+    fn unreadable(&self, error: StageError) -> CliError {
+        if !(self.map.is_dir() && matches!(error, StageError::Source { .. })) {
+            return error.into();
+        }
+        let folder = self.map.display();
+        CliError::advised(
+            format!("`{folder}` is no folder of an iGibson scene: it has no `{IGIBSON_IMAGE}`"),
+            "for a map of ROS give its YAML file",
+        )
     }
 
     fn checkpoint(&self) -> Result<Checkpoint, CliError> {

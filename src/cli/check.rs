@@ -9,10 +9,12 @@ use crate::pipeline::spec::check_sources;
 
 /// Arguments of `check`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "It reads the file, the names of its maps and their descriptions, and runs nothing. The exit code is 2 if anything is wrong.
+#[command(
+    after_help = "It reads the file, the names of its maps and their descriptions, and runs nothing. The exit code is 2 if anything is wrong.
 
 Example:
-  trodden check pipelines/quickstart.yaml --set labels.classes=4")]
+  trodden check pipelines/quickstart.yaml --set labels.classes=4"
+)]
 pub struct Args {
     #[command(flatten)]
     pipeline: PipelineArgs,

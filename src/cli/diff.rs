@@ -10,11 +10,13 @@ use crate::store::{Digest, Role, Run, Store};
 
 /// Arguments of `diff`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Nodes that are gone stand after `-`, new ones after `+`, changed ones after `~`, with what changed in their recipes.
+#[command(
+    after_help = "Nodes that are gone stand after `-`, new ones after `+`, changed ones after `~`, with what changed in their recipes.
 
 Example:
   trodden ls --runs
-  trodden diff 20260314T1 latest")]
+  trodden diff 20260314T1 latest"
+)]
 pub struct Args {
     /// The earlier run: its id, the beginning of it, or `latest`.
     before: String,

@@ -28,7 +28,12 @@ pub enum CliError {
     Request { message: String, help: Option<String> },
     /// A file could not be read or written.
     #[error("failed to {action} `{}`", path.display())]
-    File { action: &'static str, path: PathBuf, #[source] source: std::io::Error },
+    File {
+        action: &'static str,
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
     /// stdout is closed: whoever reads it has seen enough.
     #[error("stdout is closed")]
     Closed,
@@ -62,9 +67,11 @@ impl CliError {
 
     fn help(&self) -> Option<String> {
         match self {
+            Self::Pipeline(error) => error.help(),
             Self::Store(error) | Self::Kind(KindError::Store(error)) | Self::Stage(StageError::Store(error)) => {
                 error.help()
             }
+            Self::Report(ReportError::Store(error) | ReportError::Kind(KindError::Store(error))) => error.help(),
             Self::Kind(error) => error.help(),
             Self::Report(error) => error.help(),
             Self::Stage(StageError::Failed { help, .. }) | Self::Request { help, .. } => help.clone(),
@@ -76,7 +83,7 @@ impl CliError {
     pub fn print(&self, screen: &Screen) {
         match self {
             Self::Closed => {}
-            Self::Pipeline(error) => screen.complain(&error.render(screen.color())),
+            Self::Pipeline(error @ PipelineError::Spec(_)) => screen.complain(&error.render(screen.color())),
             other => {
                 let mut message = other.to_string();
                 let mut cause = std::error::Error::source(other);

@@ -9,11 +9,13 @@ use crate::store::{Collected, Freed, Store};
 
 /// Arguments of `gc`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Kept is what the newest finished run of each pipeline and every run marked by `trodden keep` reaches; of the epochs of a training only the last.
+#[command(
+    after_help = "Kept is what the newest finished run of each pipeline and every run marked by `trodden keep` reaches; of the epochs of a training only the last.
 
 Examples:
   trodden gc --dry-run    what would go
-  trodden gc              the same, and then it goes")]
+  trodden gc              the same, and then it goes"
+)]
 pub struct Args {
     /// Only show what would go.
     #[arg(long)]
@@ -46,7 +48,11 @@ fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {
         screen.line(format!("{:>7} {what}, {}", freed.files, bytes(freed.bytes)))
     };
     let all = total(planned);
-    screen.line(if all.files == 0 { "nothing to free".to_owned() } else { format!("would free {}:", bytes(all.bytes)) })?;
+    screen.line(if all.files == 0 {
+        "nothing to free".to_owned()
+    } else {
+        format!("would free {}:", bytes(all.bytes))
+    })?;
     line("objects", &planned.objects)?;
     line("recipes", &planned.recipes)?;
     line("temporary files", &planned.temporary)?;
@@ -57,8 +63,7 @@ fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {
 }
 
 fn total(collected: &Collected) -> Freed {
-    let parts =
-        [collected.objects, collected.recipes, collected.temporary, collected.damaged, collected.runs];
+    let parts = [collected.objects, collected.recipes, collected.temporary, collected.damaged, collected.runs];
     Freed { files: parts.iter().map(|part| part.files).sum(), bytes: parts.iter().map(|part| part.bytes).sum() }
 }
 

@@ -31,7 +31,10 @@ impl Args {
         );
         let failed = |source: std::io::Error| {
             if source.kind() == std::io::ErrorKind::AlreadyExists {
-                return CliError::advised(format!("`{file}` exists already"), "give another name: `trodden init other.yaml`");
+                return CliError::advised(
+                    format!("`{file}` exists already"),
+                    "give another name: `trodden init other.yaml`",
+                );
             }
             CliError::File { action: "write", path: self.file.clone(), source }
         };

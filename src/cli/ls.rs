@@ -68,7 +68,10 @@ impl Args {
             );
             vec![node.node.clone(), node.kind.clone(), outcome(node), size, digest]
         };
-        screen.line(columns(&["node", "kind", "outcome", "size", "digest"], &nodes.iter().map(row).collect::<Vec<_>>()))?;
+        screen.line(columns(
+            &["node", "kind", "outcome", "size", "digest"],
+            &nodes.iter().map(row).collect::<Vec<_>>(),
+        ))?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -41,10 +41,10 @@ use screen::Screen;
     propagate_version = true,
     max_term_width = 100,
     after_help = "Examples:
-  trodden run pipelines/quickstart.yaml                        everything, from maps to report
+  trodden run pipelines/quickstart.yaml                         everything, from maps to report
   trodden run pipelines/quickstart.yaml --set labels.classes=4  only what that changes
-  trodden why labels                                           what changed
-  trodden show heat/home_1000                                  a picture in the terminal
+  trodden why labels                                            what changed
+  trodden show heat/home_1000                                   a picture in the terminal
   trodden annotate my_map.yaml --model artifacts/latest/quickstart/model --out annotated"
 )]
 pub struct Cli {

@@ -30,7 +30,11 @@ impl Args {
         let run = store.run(&self.run)?;
         let page = html::write(&store, &run)?;
         if let Some(out) = &self.out {
-            std::fs::copy(&page, out).map_err(|source| CliError::File { action: "write", path: out.clone(), source })?;
+            std::fs::copy(&page, out).map_err(|source| CliError::File {
+                action: "write",
+                path: out.clone(),
+                source,
+            })?;
         }
         screen.line(self.out.as_ref().unwrap_or(&page).display().to_string())?;
         Ok(ExitCode::SUCCESS)

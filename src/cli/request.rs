@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 
 use super::error::CliError;
-use crate::pipeline::ledger::Lookups;
+use crate::pipeline::plan::Lookups;
 use crate::pipeline::spec::{self, Pipeline};
 use crate::stages::REGISTER;
 use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, StoreError};
@@ -96,11 +96,14 @@ pub fn find_run(store: &Store, pipeline: Option<&str>, id: Option<&str>) -> Resu
     match (id, pipeline) {
         (Some(id), _) => Ok(store.run(id)?),
         (None, Some(pipeline)) => store.latest_run(pipeline, false)?.ok_or_else(|| {
-            CliError::advised(format!("no run of the pipeline `{pipeline}` is on record"), "`trodden status` lists what there is")
+            CliError::advised(
+                format!("no run of the pipeline `{pipeline}` is on record"),
+                "`trodden status` lists what there is",
+            )
         }),
-        (None, None) => store.run("latest").map_err(|_| {
-            CliError::advised("no run is on record in this store", "`trodden run PIPELINE` makes one")
-        }),
+        (None, None) => store
+            .run("latest")
+            .map_err(|_| CliError::advised("no run is on record in this store", "`trodden run PIPELINE` makes one")),
     }
 }
 
@@ -116,7 +119,9 @@ pub fn find_node<'a>(run: &'a Run, name: &str) -> Result<&'a RunNode, CliError> 
     let members: Vec<&str> = run
         .nodes
         .iter()
-        .filter(|node| node.role == Role::Node && node.node.strip_prefix(name).is_some_and(|rest| rest.starts_with('/')))
+        .filter(|node| {
+            node.role == Role::Node && node.node.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'))
+        })
         .map(|node| node.node.as_str())
         .collect();
     if !members.is_empty() {

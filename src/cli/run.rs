@@ -100,10 +100,6 @@ impl Args {
                 Err(error) => screen.remark(format!("warning: no report: {error}")),
             }
         }
-        for damage in store.take_damages() {
-            let aside = damage.aside.as_ref().map_or_else(String::new, |path| format!("; set aside as `{}`", path.display()));
-            screen.remark(format!("warning: {damage}{aside}"));
-        }
         Ok(finish(&report, screen))
     }
 }

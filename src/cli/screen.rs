@@ -90,8 +90,11 @@ pub fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
         cells.chain([header[column].chars().count()]).max().unwrap_or(0)
     };
     let widths: Vec<usize> = (0..header.len()).map(width).collect();
+    // A digest may be all digits, but it is longer than any number here.
+    let number = |cell: &str| cell.split(' ').next().is_some_and(|word| word.len() < 12 && word.parse::<f64>().is_ok());
     let numeric = |column: usize| {
-        !rows.is_empty() && rows.iter().all(|row| row[column].starts_with(|c: char| c.is_ascii_digit()) && !row[column].contains('-'))
+        let cells = || rows.iter().map(|row| row[column].as_str());
+        cells().any(number) && cells().all(|cell| cell == "-" || number(cell))
     };
     let right: Vec<bool> = (0..header.len()).map(numeric).collect();
     let line = |cells: &mut dyn Iterator<Item = &str>| {
@@ -129,6 +132,13 @@ mod tests {
     fn columns_are_as_wide_as_their_widest_entry() {
         let rows = [vec!["labels".to_owned(), "7".to_owned()], vec!["a".to_owned(), "12".to_owned()]];
         assert_eq!(columns(&["node", "n"], &rows), "node     n\nlabels   7\na       12");
+    }
+
+    #[test]
+    fn numbers_stand_at_the_right_and_digests_at_the_left() {
+        let row = |size: &str, digest: &str| vec![size.to_owned(), digest.to_owned()];
+        let rows = [row("2.3 KiB", "0123456789ab"), row("-", "-")];
+        assert_eq!(columns(&["size", "digest"], &rows), "   size  digest\n2.3 KiB  0123456789ab\n      -  -");
     }
 
     #[test]

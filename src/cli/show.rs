@@ -51,7 +51,10 @@ impl Args {
         let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref())?;
         let node = find_node(&run, &self.node)?;
         let artifact = node.artifact.as_ref().ok_or_else(|| {
-            CliError::advised(format!("`{}` has no artifact in the run {}", node.node, run.id), "it failed or was skipped: run the pipeline again")
+            CliError::advised(
+                format!("`{}` has no artifact in the run {}", node.node, run.id),
+                "it failed or was skipped: run the pipeline again",
+            )
         })?;
         let shown = Shown::of(&store, &node.kind, artifact)?;
         let scale = match self.scale {
@@ -95,7 +98,11 @@ impl Args {
         };
         let path = path.map_or_else(|| PathBuf::from(format!("{}.png", node.node.replace('/', "-"))), Path::to_owned);
         let bytes = png::figure(picture, scale, &node.node);
-        std::fs::write(&path, bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
+        std::fs::write(&path, bytes).map_err(|source| CliError::File {
+            action: "write",
+            path: path.clone(),
+            source,
+        })?;
         screen.line(path.display().to_string())?;
         Ok(ExitCode::SUCCESS)
     }

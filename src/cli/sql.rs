@@ -12,12 +12,14 @@ use crate::store::{Artifact, Run, Store};
 
 /// Arguments of `sql`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "A table is the name of a node of the newest run, or the path or glob of Parquet files, in quotes.
+#[command(
+    after_help = "A table is the name of a node of the newest run, or the path or glob of Parquet files, in quotes.
 
 Examples:
   trodden sql \"SELECT class, COUNT(*) AS cells FROM 'labels/home_00' GROUP BY class ORDER BY class\"
   trodden sql \"SELECT * FROM 'artifacts/latest/quickstart/scores/home_1000.parquet'\"
-  trodden sql \"SELECT truth, prediction FROM 'costs/home_1000' ORDER BY truth DESC LIMIT 5\" --json")]
+  trodden sql \"SELECT truth, prediction FROM 'costs/home_1000' ORDER BY truth DESC LIMIT 5\" --json"
+)]
 pub struct Args {
     /// The query.
     query: String,
@@ -37,9 +39,8 @@ impl Args {
         let store = Store::open_existing(store)?;
         let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref()).ok();
         let mut tables = |name: &str| load(name, &store, run.as_ref());
-        let frame = kinds::sql(&self.query, &mut tables).map_err(|error| {
-            CliError::Request { message: error.to_string(), help: error.help() }
-        })?;
+        let frame = kinds::sql(&self.query, &mut tables)
+            .map_err(|error| CliError::Request { message: error.to_string(), help: error.help() })?;
         if screen.json() {
             for row in terminal::json_rows(&frame) {
                 screen.object(&row)?;

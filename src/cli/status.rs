@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use super::error::CliError;
 use super::ls::run_table;
-use super::screen::Screen;
+use super::screen::{Screen, bytes};
 use crate::store::{RunSummary, Store};
 
 /// Arguments of `status`.
@@ -32,10 +32,22 @@ impl Args {
             return Ok(ExitCode::SUCCESS);
         }
         screen.line(run_table(&newest))?;
+        let held = store.holdings()?;
+        screen.line(format!(
+            "the store `{}` holds {} objects, {}",
+            store.root().display(),
+            held.files,
+            bytes(held.bytes)
+        ))?;
         for summary in &newest {
             let run = store.run(&summary.id)?;
             for node in run.nodes.iter().filter(|node| node.error.is_some()) {
-                screen.line(format!("{}: {} failed: {}", run.pipeline, node.node, node.error.as_deref().unwrap_or_default()))?;
+                screen.line(format!(
+                    "{}: `{}` failed: {}",
+                    run.pipeline,
+                    node.node,
+                    node.error.as_deref().unwrap_or_default()
+                ))?;
             }
             for warning in &run.warnings {
                 screen.line(format!("{}: {warning}", run.pipeline))?;

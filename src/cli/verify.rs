@@ -9,7 +9,9 @@ use crate::store::{Damaged, Store, VerifyReport};
 
 /// Arguments of `verify`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "What is damaged is set aside in the folder `damaged` of the store; the next run that needs it makes it again. The exit code is 3 if anything was damaged.")]
+#[command(
+    after_help = "What is damaged is set aside in the folder `damaged` of the store; the next run that needs it makes it again. The exit code is 3 if anything was damaged."
+)]
 pub struct Args {}
 
 impl Args {
@@ -40,23 +42,29 @@ fn of(nodes: &[String]) -> String {
 
 fn describe(report: &VerifyReport, screen: &Screen) -> Result<(), CliError> {
     for damage in &report.damaged {
-        let aside = damage.aside.as_ref().map_or_else(String::new, |path| format!(", set aside as `{}`", path.display()));
+        let aside =
+            damage.aside.as_ref().map_or_else(String::new, |path| format!(", set aside as `{}`", path.display()));
         screen.line(format!("damaged: {}{}{aside}", name(&damage.what), of(&damage.nodes)))?;
     }
     for missing in &report.missing {
         screen.line(format!("missing: object {:?}{}", missing.digest, of(&missing.nodes)))?;
     }
     screen.line(format!(
-        "read {} objects, {}, {} recipes, {} runs: {}",
-        report.objects,
+        "read {}, {}, {}, {}: {}",
+        counted(report.objects, "object"),
         bytes(report.bytes),
-        report.recipes,
-        report.runs,
+        counted(report.recipes, "recipe"),
+        counted(report.runs, "run"),
         match (report.damaged.len(), report.missing.len()) {
             (0, 0) => "all is well".to_owned(),
             (damaged, missing) => format!("{damaged} damaged, {missing} missing; the next run makes them again"),
         }
     ))
+}
+
+/// Writes a number with its noun.
+fn counted(count: u64, noun: &str) -> String {
+    format!("{count} {noun}{}", if count == 1 { "" } else { "s" })
 }
 
 fn json(report: &VerifyReport) -> serde_json::Value {

@@ -12,11 +12,13 @@ use crate::store::{Run, Store};
 
 /// Arguments of `why`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Without a pipeline file it speaks of the newest run, held against the one before it; with one it speaks of the run that would come next.
+#[command(
+    after_help = "Without a pipeline file it speaks of the newest run, held against the one before it; with one it speaks of the run that would come next.
 
 Examples:
   trodden why labels
-  trodden why model pipelines/quickstart.yaml --set model.epochs=10")]
+  trodden why model pipelines/quickstart.yaml --set model.epochs=10"
+)]
 pub struct Args {
     /// A node (`labels/home_03`), a stage (`labels`) or a part (`model/epoch-07`).
     node: String,

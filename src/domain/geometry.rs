@@ -317,10 +317,7 @@ impl Frame {
     /// Returns the center of a cell in the local frame, in meters.
     #[must_use]
     pub fn center(&self, cell: Cell) -> Point {
-        Point::new(
-            (cell.col as f64 + 0.5) * self.resolution,
-            ((self.rows - cell.row) as f64 - 0.5) * self.resolution,
-        )
+        Point::new((cell.col as f64 + 0.5) * self.resolution, ((self.rows - cell.row) as f64 - 0.5) * self.resolution)
     }
 
     /// Returns the cell that holds a point of the local frame, or `None` outside of the grid.

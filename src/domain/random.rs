@@ -64,7 +64,8 @@ mod tests {
     #[test]
     fn streams_differ_by_every_part_of_their_name() {
         let first = |seed, input: u8, index, purpose: &str| Stream::new(seed, &[input; 32], index, purpose).bits();
-        let all = [first(1, 0, 0, "a"), first(2, 0, 0, "a"), first(1, 1, 0, "a"), first(1, 0, 1, "a"), first(1, 0, 0, "b")];
+        let all =
+            [first(1, 0, 0, "a"), first(2, 0, 0, "a"), first(1, 1, 0, "a"), first(1, 0, 1, "a"), first(1, 0, 0, "b")];
         for (i, a) in all.iter().enumerate() {
             assert!(all[i + 1..].iter().all(|b| a != b));
         }

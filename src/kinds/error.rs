@@ -9,9 +9,17 @@ pub enum KindError {
     #[error(transparent)]
     Store(#[from] StoreError),
     #[error("failed to encode `{kind}` as Parquet")]
-    Encode { kind: &'static str, #[source] source: parquet::errors::ParquetError },
+    Encode {
+        kind: &'static str,
+        #[source]
+        source: parquet::errors::ParquetError,
+    },
     #[error("the Parquet file of `{kind}` is damaged")]
-    Decode { kind: &'static str, #[source] source: Box<dyn std::error::Error + Send + Sync> },
+    Decode {
+        kind: &'static str,
+        #[source]
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
     #[error("the file holds no `{expected}`: its metadata name no kind")]
     NoKind { expected: &'static str },
     #[error("the file holds `{found}`, expected was `{expected}`")]
@@ -35,7 +43,12 @@ pub enum KindError {
     #[error("`{kind}` has no file `{file}`")]
     MissingFile { kind: &'static str, file: String },
     #[error("the file `{file}` of `{kind}` is damaged")]
-    Damaged { kind: &'static str, file: &'static str, #[source] source: Box<dyn std::error::Error + Send + Sync> },
+    Damaged {
+        kind: &'static str,
+        file: &'static str,
+        #[source]
+        source: Box<dyn std::error::Error + Send + Sync>,
+    },
 }
 
 impl KindError {
@@ -44,9 +57,9 @@ impl KindError {
     pub fn help(&self) -> Option<String> {
         match self {
             Self::Store(_) | Self::Encode { .. } => None,
-            Self::Format { found, known, .. } if found > known => {
-                Some("a newer version of trodden wrote it: use that version, or another store (`--store DIR`)".to_owned())
-            }
+            Self::Format { found, known, .. } if found > known => Some(
+                "a newer version of trodden wrote it: use that version, or another store (`--store DIR`)".to_owned(),
+            ),
             Self::Format { .. } => Some("an older version of trodden wrote it: run the pipeline again".to_owned()),
             Self::NoKind { .. } | Self::WrongKind { .. } => {
                 Some("give the file of a node whose kind fits; `trodden ls` lists nodes and kinds".to_owned())

@@ -51,10 +51,10 @@ impl SingleFile for Placed<Heat> {
         let (table, frame) = raster::open(KIND, <Self as SingleFile>::FORMAT, bytes)?;
         let count = class_count(&table)?;
         let floats = |name: &str| -> Result<Grid<f32>, KindError> {
-            let values = raster::whole(KIND, &frame, table.numbers::<Float32Type>(name)?)?;
+            let values = table.numbers::<Float32Type>(name)?;
             Ok(Grid::from_vec(frame.rows, frame.cols, values))
         };
-        let classes = raster::whole(KIND, &frame, table.numbers::<Int8Type>("class")?)?;
+        let classes = table.numbers::<Int8Type>("class")?;
         let heat = Heat {
             heat: floats("heat")?,
             classes: Grid::from_vec(frame.rows, frame.cols, classes),

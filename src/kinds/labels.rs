@@ -29,7 +29,7 @@ impl SingleFile for Placed<Labels> {
         let kind = <Self as SingleFile>::NAME;
         let (table, frame) = raster::open(kind, <Self as SingleFile>::FORMAT, bytes)?;
         let count = class_count(&table)?;
-        let classes = raster::whole(kind, &frame, table.numbers::<Int8Type>("class")?)?;
+        let classes = table.numbers::<Int8Type>("class")?;
         check_classes(kind, "class", count, UNLABELED, &classes)?;
         Ok(Self::new(frame, Labels { classes: Grid::from_vec(frame.rows, frame.cols, classes), count }))
     }
@@ -42,7 +42,11 @@ impl SingleFile for Placed<Labels> {
 pub(super) fn class_count(table: &Table) -> Result<u8, KindError> {
     let expected = "a number of classes from 2 to 16";
     let count: u8 = table.parsed("classes", expected)?;
-    if (FEWEST_CLASSES..=MOST_CLASSES).contains(&count) { Ok(count) } else { Err(table.wrong_metadata("classes", expected)) }
+    if (FEWEST_CLASSES..=MOST_CLASSES).contains(&count) {
+        Ok(count)
+    } else {
+        Err(table.wrong_metadata("classes", expected))
+    }
 }
 
 /// Checks that classes are in `lowest` to `count`.

@@ -24,7 +24,7 @@ impl SingleFile for OccupancyMap {
     fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
         let kind = <Self as SingleFile>::NAME;
         let (table, frame) = raster::open(kind, <Self as SingleFile>::FORMAT, bytes)?;
-        let free = raster::whole(kind, &frame, table.flags("free")?)?;
+        let free = table.flags("free")?;
         let grid = Grid::from_vec(frame.rows, frame.cols, free);
         Self::new(grid, frame).map_err(|e| KindError::Shape { kind, what: e.to_string() })
     }

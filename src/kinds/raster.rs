@@ -79,7 +79,8 @@ pub fn open(kind: &'static str, format: u32, bytes: Vec<u8>) -> Result<(Table, F
     let table = Table::open(kind, format, bytes)?;
     let frame = table.frame()?;
     table.expect(&place_columns())?;
-    let expected = frame.rows.checked_mul(frame.cols).ok_or_else(|| table.wrong_metadata("rows", "a number of rows"))?;
+    let expected =
+        frame.rows.checked_mul(frame.cols).ok_or_else(|| table.wrong_metadata("rows", "a number of rows"))?;
     let (rows, cols) = (table.numbers::<UInt32Type>("row")?, table.numbers::<UInt32Type>("col")?);
     if rows.len() != expected {
         return Err(KindError::Rows { kind, found: rows.len(), expected });
@@ -93,13 +94,4 @@ pub fn open(kind: &'static str, format: u32, bytes: Vec<u8>) -> Result<(Table, F
         }
     }
     Ok((table, frame))
-}
-
-/// Returns a column that a raster's reader has taken apart, after a check of its length.
-///
-/// # Errors
-/// [`KindError::Rows`] if it has not one value per cell.
-pub fn whole<T>(kind: &'static str, frame: &Frame, values: Vec<T>) -> Result<Vec<T>, KindError> {
-    let expected = frame.rows * frame.cols;
-    if values.len() == expected { Ok(values) } else { Err(KindError::Rows { kind, found: values.len(), expected }) }
 }

@@ -57,7 +57,9 @@ impl SingleFile for ClassScores {
         let by_class = |figures: Vec<Option<f64>>| -> ArrayRef {
             Arc::new(cells.iter().map(|cell| figures[cell.row]).collect::<Float64Array>())
         };
-        let of_map = |figure: Option<f64>| -> ArrayRef { Arc::new(vec![figure; cells.len()].into_iter().collect::<Float64Array>()) };
+        let of_map = |figure: Option<f64>| -> ArrayRef {
+            Arc::new(vec![figure; cells.len()].into_iter().collect::<Float64Array>())
+        };
         let class = |number: usize| i8::try_from(number).expect("at most 16 classes");
         let weights = self.weights.iter().skip(1).map(|weight| Some(*weight)).collect();
         let arrays: Vec<ArrayRef> = vec![

@@ -20,7 +20,11 @@ pub enum TableError {
     #[error("there is no table `{0}`")]
     NoTable(String),
     #[error("the files of `{table}` do not have the same columns")]
-    Columns { table: String, #[source] source: PolarsError },
+    Columns {
+        table: String,
+        #[source]
+        source: PolarsError,
+    },
     #[error("{}", query_message(.0))]
     Query(#[source] PolarsError),
 }
@@ -30,7 +34,9 @@ impl TableError {
     #[must_use]
     pub fn help(&self) -> Option<String> {
         match self {
-            Self::Parquet(_) => Some("`trodden verify` names damaged objects; the next run makes them again".to_owned()),
+            Self::Parquet(_) => {
+                Some("`trodden verify` names damaged objects; the next run makes them again".to_owned())
+            }
             Self::Type { column, .. } => Some(format!("the types of our own files work; leave `{column}` out")),
             Self::NoTable(_) => Some("tables are nodes (`trodden ls`) or Parquet files, in quotes".to_owned()),
             Self::Columns { .. } => Some("a glob should match files of one kind".to_owned()),
@@ -46,7 +52,8 @@ impl TableError {
 fn query_message(error: &PolarsError) -> String {
     let message = error.to_string();
     let message = message.lines().next().unwrap_or_default();
-    let message = message.strip_prefix("SQL error: ").or_else(|| message.strip_prefix("sql parser error: ")).unwrap_or(message);
+    let message =
+        message.strip_prefix("SQL error: ").or_else(|| message.strip_prefix("sql parser error: ")).unwrap_or(message);
     format!("the query does not work: {message}")
 }
 
@@ -202,8 +209,20 @@ struct Target {
 
 /// Words that end a list of tables.
 const AFTER_TABLES: [&str; 14] = [
-    "where", "group", "order", "having", "limit", "union", "select", "on", "using", "except", "intersect", "window",
-    "qualify", "offset",
+    "where",
+    "group",
+    "order",
+    "having",
+    "limit",
+    "union",
+    "select",
+    "on",
+    "using",
+    "except",
+    "intersect",
+    "window",
+    "qualify",
+    "offset",
 ];
 
 /// Finds the quoted tables of a query.

@@ -3,7 +3,9 @@
 
 use std::sync::Arc;
 
-use arrow::array::{Array, ArrayRef, AsArray, FixedSizeListArray, Float32Array, Int8Array, Int32Array, StringArray, UInt8Array};
+use arrow::array::{
+    Array, ArrayRef, AsArray, FixedSizeListArray, Float32Array, Int8Array, Int32Array, StringArray, UInt8Array,
+};
 use arrow::datatypes::{ArrowPrimitiveType, DataType, Field, Float32Type, Int8Type, Int32Type, UInt8Type};
 
 use super::labels::{check_classes, class_count};
@@ -107,7 +109,8 @@ impl Append for Tiles {
         let (rows, cols) = (batch.numbers::<Int32Type>(1), batch.numbers::<Int32Type>(2));
         for i in 0..batch.rows {
             let map = self.maps.iter().position(|name| name == names.value(i)).and_then(|map| u32::try_from(map).ok());
-            let unknown = || wrong_value(KIND, "map", batch.first + i, names.value(i), "one of the `maps` in the metadata");
+            let unknown =
+                || wrong_value(KIND, "map", batch.first + i, names.value(i), "one of the `maps` in the metadata");
             self.origin.push((map.ok_or_else(unknown)?, rows[i], cols[i]));
         }
         let cells = self.size * self.size;

@@ -37,7 +37,10 @@ impl Kind for Placed<Tracks> {
             let (frame, frame_rate) = (reader.frame, reader.frame_rate);
             let whole = all.get_or_insert_with(|| Self::new(frame, Tracks { frame_rate, samples: Vec::new() }));
             if whole.frame != frame || whole.value.frame_rate != frame_rate {
-                return Err(KindError::Shape { kind: KIND, what: "its chunks differ in frame or frame rate".to_owned() });
+                return Err(KindError::Shape {
+                    kind: KIND,
+                    what: "its chunks differ in frame or frame rate".to_owned(),
+                });
             }
             for samples in reader {
                 whole.value.samples.extend(samples?);
@@ -151,12 +154,8 @@ impl Order {
     }
 
     pub(super) fn check(&mut self, sample: &Sample) -> Result<(), KindError> {
-        let values = [
-            ("x", sample.position.x),
-            ("y", sample.position.y),
-            ("vx", sample.velocity.x),
-            ("vy", sample.velocity.y),
-        ];
+        let values =
+            [("x", sample.position.x), ("y", sample.position.y), ("vx", sample.velocity.x), ("vy", sample.velocity.y)];
         if let Some((column, value)) = values.iter().find(|(_, value)| !value.is_finite()) {
             return Err(wrong_value(self.kind, column, self.row, value, "a finite number"));
         }

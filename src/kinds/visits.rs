@@ -26,7 +26,7 @@ impl SingleFile for Placed<VisitCounts> {
     fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
         let kind = <Self as SingleFile>::NAME;
         let (table, frame) = raster::open(kind, <Self as SingleFile>::FORMAT, bytes)?;
-        let visits = raster::whole(kind, &frame, table.numbers::<UInt32Type>("visits")?)?;
+        let visits = table.numbers::<UInt32Type>("visits")?;
         let paths = table.parsed("paths", "a number of paths")?;
         let counts = Grid::from_vec(frame.rows, frame.cols, visits);
         Ok(Self::new(frame, VisitCounts { counts, paths }))

@@ -241,10 +241,19 @@ pub enum StageError {
     Store(#[from] crate::store::StoreError),
     /// A file outside of the store could not be read.
     #[error("failed to read `{path}`")]
-    Source { path: PathBuf, #[source] source: std::io::Error },
+    Source {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
     /// The stage itself failed; the message is a fragment, `help` says what to do.
     #[error("{message}")]
-    Failed { message: String, help: Option<String>, #[source] source: Option<Box<dyn std::error::Error + Send + Sync>> },
+    Failed {
+        message: String,
+        help: Option<String>,
+        #[source]
+        source: Option<Box<dyn std::error::Error + Send + Sync>>,
+    },
 }
 
 impl StageError {

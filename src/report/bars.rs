@@ -100,7 +100,12 @@ impl Bars {
                 Outcome::Hit => Vec::new(),
                 Outcome::Ran => {
                     let place = format!("[{}/{}]", self.state.done(), self.state.nodes);
-                    vec![format!("{} {} {node} {}", paint("2", &place), paint("32", "ran"), paint("2", &seconds(*wall_s)))]
+                    vec![format!(
+                        "{} {} {node} {}",
+                        paint("2", &place),
+                        paint("32", "ran"),
+                        paint("2", &seconds(*wall_s))
+                    )]
                 }
                 Outcome::Skipped => vec![format!("{} {node}", paint("33", "skipped"))],
                 Outcome::Failed => {

@@ -27,10 +27,10 @@ pub const PEDESTRIAN: Rgb = [52, 101, 164];
 
 /// Lightness, chroma and hue in degrees of the points that the scale passes.
 const STATIONS: [[f64; 3]; 6] = [
-    [0.26, 0.13, 280.0],
-    [0.40, 0.17, 310.0],
-    [0.54, 0.19, 355.0],
-    [0.68, 0.18, 395.0],
+    [0.33, 0.15, 278.0],
+    [0.44, 0.18, 308.0],
+    [0.56, 0.19, 352.0],
+    [0.69, 0.18, 394.0],
     [0.82, 0.15, 432.0],
     [0.96, 0.11, 465.0],
 ];
@@ -47,7 +47,7 @@ pub fn value(share: f64) -> Rgb {
 #[must_use]
 pub fn class(class: i8, count: u8) -> Rgb {
     let place = (f64::from(class) - 1.0) / (f64::from(count) - 1.0).max(1.0);
-    value(0.14 + 0.82 * place)
+    value(0.08 + 0.88 * place)
 }
 
 /// Writes a color for SVG and HTML.

@@ -39,7 +39,11 @@ pub enum ReportError {
     #[error("there is no way to show a `{kind}`")]
     UnknownKind { kind: String },
     #[error("failed to write the report to `{}`", path.display())]
-    Write { path: PathBuf, #[source] source: std::io::Error },
+    Write {
+        path: PathBuf,
+        #[source]
+        source: std::io::Error,
+    },
 }
 
 impl ReportError {

@@ -213,7 +213,9 @@ impl Picture {
     pub(super) fn key(&self, scale: Scale) -> Key {
         let named = |name: &str, color| (name.to_owned(), color);
         match &self.layer {
-            Layer::Map(_) => Key { bar: None, legend: vec![named("free", colors::FREE), named("blocked", colors::WALL)] },
+            Layer::Map(_) => {
+                Key { bar: None, legend: vec![named("free", colors::FREE), named("blocked", colors::WALL)] }
+            }
             Layer::Values { walls, unit, empty, .. } => {
                 let mut legend = Vec::new();
                 if walls.is_some() {

@@ -71,12 +71,7 @@ impl Axes {
             Axis { low, high: low + cells as f64 * frame.resolution, scale: Scale::Linear }.ticks(count)
         };
         let name = |axis: &str| if turned { format!("along the grid's {axis} [m]") } else { format!("{axis} [m]") };
-        Some(Self {
-            x: side(x, frame.cols, across),
-            y: side(y, frame.rows, up),
-            x_name: name("x"),
-            y_name: name("y"),
-        })
+        Some(Self { x: side(x, frame.cols, across), y: side(y, frame.rows, up), x_name: name("x"), y_name: name("y") })
     }
 }
 

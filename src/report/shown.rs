@@ -82,7 +82,10 @@ impl Shown {
 
     fn map(map: &OccupancyMap) -> Self {
         let mut facts = place(map.frame());
-        facts.push(fact("free area", format!("{:.1} m² ({})", map.free_area(), share(map.free_cells(), map.free().len()))));
+        facts.push(fact(
+            "free area",
+            format!("{:.1} m² ({})", map.free_area(), share(map.free_cells(), map.free().len())),
+        ));
         Self::drawn(facts, Picture::map(map))
     }
 
@@ -109,7 +112,10 @@ impl Shown {
             heat.as_slice().iter().enumerate().filter(|(i, _)| free(*i)).map(|(_, value)| f64::from(*value)).collect();
         let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
         let mut facts = place(&placed.frame);
-        facts.push(fact("heat", format!("mean {}, most {}", number(mean), number(values.iter().copied().fold(0.0, f64::max)))));
+        facts.push(fact(
+            "heat",
+            format!("mean {}, most {}", number(mean), number(values.iter().copied().fold(0.0, f64::max))),
+        ));
         facts.extend(class_facts(&ClassCounts::of(heat_class_count(&placed.value), classes.as_slice())));
         Self::drawn(facts, heat_picture(placed))
     }
@@ -157,7 +163,10 @@ impl Shown {
     fn tiles(tiles: &Tiles) -> Self {
         let mean = tiles.labeled_share.iter().map(|share| f64::from(*share)).sum::<f64>() / tiles.len().max(1) as f64;
         let mut facts = vec![
-            fact("windows", format!("{} of {} × {} cells on {} maps", tiles.len(), tiles.size, tiles.size, tiles.maps.len())),
+            fact(
+                "windows",
+                format!("{} of {} × {} cells on {} maps", tiles.len(), tiles.size, tiles.size, tiles.maps.len()),
+            ),
             fact("samples", format!("{} with rotations and mirrorings", tiles.samples())),
             fact("labeled", format!("{:.1} % of a window on average", 100.0 * mean)),
         ];
@@ -260,7 +269,8 @@ fn contact_sheet(tiles: &Tiles) -> Option<Picture> {
     };
     (0..count).for_each(|slot| put(slot * tiles.len() / count, slot));
     let last = i8::try_from(tiles.classes).expect("at most 16 classes");
-    let mut legend: Vec<_> = (1..=last).map(|class| (format!("class {class}"), colors::class(class, tiles.classes))).collect();
+    let mut legend: Vec<_> =
+        (1..=last).map(|class| (format!("class {class}"), colors::class(class, tiles.classes))).collect();
     legend.extend([
         ("unlabeled".to_owned(), colors::EMPTY),
         ("blocked".to_owned(), colors::WALL),
@@ -300,7 +310,10 @@ fn place(frame: &Frame) -> Vec<(String, String)> {
     let (width, height) = (frame.cols as f64 * frame.resolution, frame.rows as f64 * frame.resolution);
     let turned = if frame.yaw == 0.0 { String::new() } else { format!(", turned by {:.1}°", frame.yaw.to_degrees()) };
     vec![
-        fact("size", format!("{width:.1} × {height:.1} m, {} × {} cells of {} m", frame.cols, frame.rows, frame.resolution)),
+        fact(
+            "size",
+            format!("{width:.1} × {height:.1} m, {} × {} cells of {} m", frame.cols, frame.rows, frame.resolution),
+        ),
         fact("origin", format!("({:.2}, {:.2}) m{turned}", frame.origin.x, frame.origin.y)),
     ]
 }
@@ -310,7 +323,9 @@ fn class_facts(counts: &ClassCounts) -> Vec<(String, String)> {
     let cells = counts.unlabeled + counts.obstacle + labeled;
     let part = |count: u64, whole: u64| format!("{count} ({:.1} %)", 100.0 * count as f64 / whole.max(1) as f64);
     let mut facts = vec![fact("labeled cells", part(labeled, cells))];
-    facts.extend((1..).zip(&counts.classes).map(|(class, count)| fact(&format!("class {class}"), part(*count, labeled))));
+    facts.extend(
+        (1..).zip(&counts.classes).map(|(class, count)| fact(&format!("class {class}"), part(*count, labeled))),
+    );
     facts
 }
 

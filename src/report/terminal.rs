@@ -95,9 +95,7 @@ fn shade(inks: impl Iterator<Item = Ink>) -> char {
     match (2 * walls >= all, class, value) {
         (true, ..) => '#',
         (_, Some(class), _) => char::from_digit(class.unsigned_abs().into(), 36).unwrap_or('?'),
-        (_, _, Some(share)) => {
-            char::from(SHADES[((share * SHADES.len() as f64) as usize).min(SHADES.len() - 1)])
-        }
+        (_, _, Some(share)) => char::from(SHADES[((share * SHADES.len() as f64) as usize).min(SHADES.len() - 1)]),
         _ if dark > 0.9 => '#',
         _ if dark > 0.3 => '+',
         _ => ' ',
@@ -238,7 +236,11 @@ fn cell(value: &AnyValue<'_>) -> String {
         AnyValue::Float64(number) => decimal(*number, 6),
         other => other.to_string(),
     };
-    if text.chars().count() > WIDEST { format!("{}…", text.chars().take(WIDEST - 1).collect::<String>()) } else { text }
+    if text.chars().count() > WIDEST {
+        format!("{}…", text.chars().take(WIDEST - 1).collect::<String>())
+    } else {
+        text
+    }
 }
 
 /// Writes a number with so many significant digits at most.
@@ -269,9 +271,7 @@ fn json(value: &AnyValue<'_>) -> Value {
         // Through the shortest decimal, so that 0.1 stays 0.1.
         AnyValue::Float32(number) => number.to_string().parse::<f64>().map_or(Value::Null, Value::from),
         AnyValue::Float64(number) => (*number).into(),
-        AnyValue::List(series) => {
-            Value::Array(series.iter().map(|value| json(&value)).collect())
-        }
+        AnyValue::List(series) => Value::Array(series.iter().map(|value| json(&value)).collect()),
         other => Value::String(other.to_string()),
     }
 }

@@ -11,7 +11,7 @@ use super::picture::Picture;
 /// The most pixels along an edge of a picture of tracks, unless the map has more cells.
 const EDGE: usize = 1200;
 /// The most pixels along the edge of a cell.
-const FINEST: usize = 6;
+const FINEST: usize = 10;
 
 /// Counts the paths that cross each pixel of a picture finer than the map.
 ///
@@ -92,7 +92,7 @@ pub fn episodes(frame: &Frame, episodes: &NavEpisodes, map: Option<&OccupancyMap
             }
             let from = last.map_or(sample.position, |last| last.position);
             let (color, share) = if robots { (colors::ROBOT, 0.85) } else { (colors::PEDESTRIAN, 0.16) };
-            let thick = robots && factor > 2;
+            let thick = if robots { factor / 3 } else { factor / 8 };
             line(&fine, from, sample.position, |cell| brush(&mut pixels, cell, color, share, thick));
             before = Some(sample);
         }
@@ -110,8 +110,8 @@ pub fn episodes(frame: &Frame, episodes: &NavEpisodes, map: Option<&OccupancyMap
     Picture::painted(Some(fine), pixels, legend)
 }
 
-fn brush(pixels: &mut Grid<Rgb>, cell: Cell, color: Rgb, share: f64, thick: bool) {
-    let reach = usize::from(thick);
+/// Colors a pixel and its neighbors to the right and below within `reach`.
+fn brush(pixels: &mut Grid<Rgb>, cell: Cell, color: Rgb, share: f64, reach: usize) {
     for row in cell.row..=(cell.row + reach).min(pixels.rows() - 1) {
         for col in cell.col..=(cell.col + reach).min(pixels.cols() - 1) {
             let pixel = &mut pixels[Cell::new(row, col)];

@@ -79,8 +79,9 @@ pub fn heat(
 ) -> Result<Heat, StageError> {
     let classes = usize::from(checkpoint.config.classes());
     let network = Network::new(classes, &checkpoint.state.model, compute).map_err(StageError::failed)?;
-    let mut predict =
-        |images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]| network.predict(images, rows, cols, n, out);
+    let mut predict = |images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]| {
+        network.predict(images, rows, cols, n, out)
+    };
     let window = checkpoint.config.window as usize;
     let annotation = annotate(map, window, classes, config, &mut predict, progress).map_err(|error| match error {
         AnnotateError::Cancelled => StageError::Cancelled,

@@ -93,6 +93,9 @@ impl ImportMap {
     pub fn new(origin: Origin, config: ImportConfig) -> Result<Self, StageError> {
         let import = Self { origin, config };
         import.config.check().map_err(|error| import.failed(error))?;
+        if matches!(import.origin, Origin::Image(_)) && import.config.image_resolution.is_none() {
+            return Err(import.failed(MapImportError::ImageResolution));
+        }
         for source in import.sources()? {
             if let Err(error) = std::fs::metadata(&source.path) {
                 return Err(StageError::Source { path: source.path, source: error });
@@ -142,6 +145,7 @@ fn failed(path: &Path, error: MapImportError) -> StageError {
         MapImportError::ImageCutShort | MapImportError::Image { .. } => {
             Some("the file is damaged: fetch or export it again")
         }
+        MapImportError::ImageFormat => Some("convert it to PNG first"),
         MapImportError::Thresholds { .. } => Some("raise `occupied_thresh` or lower `free_thresh`"),
         _ => None,
     };

@@ -42,6 +42,9 @@ pub const SOURCES: &[MapSource] = &[
     },
 ];
 
+/// What helps when a file is not there.
+const RELATIVE: &str = "a relative path starts at the folder of the file that names it";
+
 /// Which maps of a series to generate.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 struct Series {
@@ -106,7 +109,9 @@ fn files(value: &Value, folder: &Path) -> Result<Vec<MapNode>, ParameterError> {
     };
     let mut nodes = Vec::new();
     for (at, pattern) in patterns.iter().enumerate() {
-        for path in matching(pattern, folder).map_err(|message| placed(at, value, message, None))? {
+        for path in
+            matching(pattern, folder).map_err(|message| placed(at, value, message, Some(RELATIVE.to_owned())))?
+        {
             let origin = Origin::of(&path);
             let name = origin.map_name();
             let stage = ImportMap::new(origin, config.clone()).map_err(|error| refused_file(at, value, error))?;
@@ -147,8 +152,7 @@ fn placed(at: usize, value: &Value, message: String, help: Option<String>) -> Pa
 fn refused_file(at: usize, value: &Value, error: StageError) -> ParameterError {
     match error {
         StageError::Source { path, source } => {
-            let help = "a relative path starts at the folder of the file that names it".to_owned();
-            placed(at, value, format!("failed to read `{}`: {source}", path.display()), Some(help))
+            placed(at, value, format!("failed to read `{}`: {source}", path.display()), Some(RELATIVE.to_owned()))
         }
         StageError::Failed { message, help, .. } => placed(at, value, message, help),
         other => placed(at, value, other.to_string(), None),

@@ -65,6 +65,16 @@ struct Reached {
 }
 
 impl Store {
+    /// Counts the objects without reading them.
+    ///
+    /// # Errors
+    /// If the folder of objects cannot be listed.
+    pub fn holdings(&self) -> Result<Freed, StoreError> {
+        let mut holdings = Freed::default();
+        list_fanned(&self.root, "objects", "")?.iter().for_each(|entry| holdings.add(entry.bytes));
+        Ok(holdings)
+    }
+
     /// Frees everything but what the newest finished run of each pipeline and every run marked `keep` reach, of older
     /// epochs only the last; with `dry_run` it only counts. Recipes of older epochs stay: they lead to the last.
     ///

@@ -208,6 +208,8 @@ fn maps_that_are_wrong() {
       |
     1 | maps: { a: { homes: { count: 2 } }, b: { homes: { count: 1, first: 1 } } }
       |              ----- first here            ^^^^^ again here
+      |
+      = help: maps of a series are named by their number: give another `first`
     ");
     insta::assert_snapshot!(maps("{ a: { files: [x/flat.pgm, y/flat.pgm] } }"), @r"
     error: two maps are called `flat`
@@ -215,6 +217,8 @@ fn maps_that_are_wrong() {
       |
     1 | maps: { a: { files: [x/flat.pgm, y/flat.pgm] } }
       |              ^^^^^ both are here
+      |
+      = help: a map is named after its file, or its folder if the file is called `map`: rename one
     ");
     insta::assert_snapshot!(maps("{ a.b: { homes: { count: 1 } } }"), @r"
     error: `a.b` cannot be the name of a group of maps

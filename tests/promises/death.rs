@@ -7,8 +7,9 @@ use super::{ALL, Place, Told};
 #[test]
 fn killed_runs_and_runs_at_once_end_with_the_same_digests() {
     let folder = tempfile::tempdir().expect("there is room for a folder");
-    let mut script = Command::new(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/kill.sh"));
-    let told = Told::of(script.arg(env!("CARGO_BIN_EXE_trodden")).arg("3").arg(folder.path()));
+    let mut bash = Command::new("bash");
+    bash.arg(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/kill.sh")).args([env!("CARGO_BIN_EXE_trodden"), "3"]);
+    let told = Told::of(bash.arg(folder.path()));
     assert_eq!(told.code, 0, "{}{}", told.stdout, told.stderr);
     assert!(told.stdout.starts_with("3 rounds, ") && told.stdout.contains("two runs at once made "), "{}", told.stdout);
 }

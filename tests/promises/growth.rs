@@ -8,7 +8,7 @@ const TRIED: &str = "{heat,scores,costs}/test_a";
 fn more_episodes_simulate_only_the_new_ones() {
     let place = Place::finished();
     // The third chunk had 5 of its 20 episodes; at 40 it is not there, at 80 it and the fourth are whole.
-    let visits = |episodes: &str| place.run(&["--only", "visits", "--set", episodes]);
+    let visits = |episodes: &str| place.run(&["--only", "walks", "--only", "visits", "--set", episodes]);
     let maps = "{walks,visits}/{train_a,train_b,test_a}";
     visits("walks.episodes=40").ran(&[maps]);
     visits("walks.episodes=80").ran(&[&format!("{maps}{{,/chunk-02,/chunk-03}}")]);

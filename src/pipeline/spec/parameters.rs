@@ -35,7 +35,7 @@ impl Refused<'_> {
         let named = error.path.first().and_then(|first| self.members.iter().find(|member| member.key == *first));
         if let Some(member) = named {
             let span = member.value.locate(&error.path[1..]);
-            return vec![Problem::new(span, error.message).with_help_from(error.help)];
+            return vec![Problem::new(span, in_plain_words(&error.message)).with_help_from(error.help)];
         }
         let message = in_plain_words(&error.message);
         let problem = match self.culprit(parse, &error) {

@@ -97,8 +97,7 @@ mod tests {
     #[test]
     fn quartiles_of_a_small_sample() {
         let found = Quartiles::of(&[0.9, 0.1, 0.2, 0.3, 0.4]).expect("values");
-        let expected =
-            Quartiles { low: 0.1, first: 0.2, median: 0.3, third: 0.4, high: 0.4, beyond: vec![0.9] };
+        let expected = Quartiles { low: 0.1, first: 0.2, median: 0.3, third: 0.4, high: 0.4, beyond: vec![0.9] };
         assert_eq!(found, expected);
         assert_eq!(Quartiles::of(&[f64::NAN]), None);
         let one = Quartiles::of(&[0.5]).expect("a value");

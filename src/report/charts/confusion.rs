@@ -34,7 +34,10 @@ pub fn confusion(matrix: &Grid<f64>, shade: Shade, title: &str) -> String {
         let color = colors::value(0.97 * (matrix[cell] / most));
         let ink = if colors::luminance(color) > 0.3 { "#111" } else { "#fff" };
         let outline = if cell.col == cell.row + 1 { " class=\"agreed\"" } else { "" };
-        svg.rect([x + 1.0, y + 1.0, SIDE - 2.0, SIDE - 2.0], &format!("fill=\"{}\" rx=\"3\"{outline}", colors::hex(color)));
+        svg.rect(
+            [x + 1.0, y + 1.0, SIDE - 2.0, SIDE - 2.0],
+            &format!("fill=\"{}\" rx=\"3\"{outline}", colors::hex(color)),
+        );
         let place = [x + SIDE / 2.0, y + SIDE / 2.0 + 4.0];
         svg.text_with(place, Anchor::Middle, "cell", &format!("style=\"fill:{ink}\""), &written(matrix[cell], shade));
     }

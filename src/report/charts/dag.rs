@@ -12,15 +12,17 @@ pub struct StageBox {
     pub name: String,
     /// What is written below the name.
     pub uses: String,
-    /// What is written at the bottom.
+    /// How its nodes ended.
     pub note: String,
+    /// How long they took.
+    pub time: String,
     pub counts: Counts,
     /// Positions of the stages it reads.
     pub inputs: Vec<usize>,
 }
 
-const BOX: [f64; 2] = [132.0, 66.0];
-const GAP: [f64; 2] = [34.0, 18.0];
+const BOX: [f64; 2] = [134.0, 78.0];
+const GAP: [f64; 2] = [30.0, 18.0];
 /// Room that an arrow takes up which passes a column.
 const LANE: f64 = 14.0;
 const SWEEPS: usize = 8;
@@ -60,25 +62,36 @@ fn left(column: usize) -> f64 {
 
 fn draw(svg: &mut Svg, stage: &StageBox, [x, y]: [f64; 2]) {
     let Counts { ran, hit, failed, skipped } = stage.counts;
-    let class = if failed > 0 { "stage failed" } else if ran > 0 { "stage" } else { "stage quiet" };
+    let class = if failed > 0 {
+        "stage failed"
+    } else if ran > 0 {
+        "stage"
+    } else {
+        "stage quiet"
+    };
     svg.rect([x, y, BOX[0], BOX[1]], &format!("class=\"{class}\" rx=\"6\""));
     let middle = x + BOX[0] / 2.0;
-    svg.text([middle, y + 19.0], Anchor::Middle, "strong", &cut(&stage.name, 18));
-    svg.text([middle, y + 34.0], Anchor::Middle, "tiny muted", &cut(&stage.uses, 22));
+    svg.text([middle, y + 19.0], Anchor::Middle, "strong", &cut(&stage.name, 16));
+    svg.text([middle, y + 34.0], Anchor::Middle, "tiny muted", &cut(&stage.uses, 24));
     svg.text([middle, y + 49.0], Anchor::Middle, "tiny", &cut(&stage.note, 26));
+    svg.text([middle, y + 62.0], Anchor::Middle, "tiny", &stage.time);
     let all = stage.counts.total().max(1) as f64;
     let mut at = x + 8.0;
     for (count, class) in [(ran, "part ran"), (hit, "part hit"), (failed, "part bad"), (skipped, "part left")] {
         let wide = (BOX[0] - 16.0) * count as f64 / all;
         if count > 0 {
-            svg.rect([at, y + BOX[1] - 10.0, wide, 4.0], &format!("class=\"{class}\""));
+            svg.rect([at, y + BOX[1] - 9.0, wide, 4.0], &format!("class=\"{class}\""));
         }
         at += wide;
     }
 }
 
 fn cut(text: &str, most: usize) -> String {
-    if text.chars().count() <= most { text.to_owned() } else { format!("{}…", text.chars().take(most - 1).collect::<String>()) }
+    if text.chars().count() <= most {
+        text.to_owned()
+    } else {
+        format!("{}…", text.chars().take(most - 1).collect::<String>())
+    }
 }
 
 /// Points of a path through the columns.
@@ -103,9 +116,9 @@ impl Layout {
         let mut edges = Vec::new();
         for (from, to) in reduced(stages) {
             let mut spot = spots[&from];
-            for column in depths[from] + 1..depths[to] {
-                let next = (column, columns[column].len());
-                columns[column].push(Place { stage: None, y: 0.0 });
+            for (column, places) in columns.iter_mut().enumerate().take(depths[to]).skip(depths[from] + 1) {
+                let next = (column, places.len());
+                places.push(Place { stage: None, y: 0.0 });
                 edges.push((spot, next));
                 spot = next;
             }
@@ -142,7 +155,8 @@ impl Layout {
     /// Moves places towards the mean height of their neighbors in the columns before or after, and apart.
     fn settle(&mut self, forward: bool) {
         let count = self.columns.len();
-        let order: Vec<usize> = if forward { (1..count).collect() } else { (0..count.saturating_sub(1)).rev().collect() };
+        let order: Vec<usize> =
+            if forward { (1..count).collect() } else { (0..count.saturating_sub(1)).rev().collect() };
         for column in order {
             let mut wishes: Vec<(f64, usize)> = (0..self.columns[column].len())
                 .map(|row| {
@@ -153,7 +167,11 @@ impl Layout {
                         _ => None,
                     });
                     let heights: Vec<f64> = near.map(|spot| self.middle(spot)).collect();
-                    let wish = if heights.is_empty() { self.middle(spot) } else { heights.iter().sum::<f64>() / heights.len() as f64 };
+                    let wish = if heights.is_empty() {
+                        self.middle(spot)
+                    } else {
+                        heights.iter().sum::<f64>() / heights.len() as f64
+                    };
                     (wish, row)
                 })
                 .collect();
@@ -229,7 +247,8 @@ fn depths(stages: &[StageBox]) -> Vec<usize> {
     for _ in 0..stages.len() {
         let mut changed = false;
         for (i, stage) in stages.iter().enumerate() {
-            let depth = stage.inputs.iter().filter(|input| **input != i).map(|input| depths[*input] + 1).max().unwrap_or(0);
+            let depth =
+                stage.inputs.iter().filter(|input| **input != i).map(|input| depths[*input] + 1).max().unwrap_or(0);
             if depth > depths[i] && depth < stages.len() {
                 depths[i] = depth;
                 changed = true;
@@ -278,6 +297,7 @@ mod tests {
             name: format!("s{i}"),
             uses: "use".to_owned(),
             note: "3 ran".to_owned(),
+            time: "1 s".to_owned(),
             counts: Counts { ran: 1, hit: 2, ..Counts::default() },
             inputs: inputs.to_vec(),
         };

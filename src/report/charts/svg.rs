@@ -49,7 +49,12 @@ impl Svg {
 
     /// Draws a disc.
     pub fn circle(&mut self, [x, y]: [f64; 2], radius: f64, attributes: &str) {
-        self.raw(format_args!("<circle cx=\"{}\" cy=\"{}\" r=\"{}\" {attributes}/>", short(x), short(y), short(radius)));
+        self.raw(format_args!(
+            "<circle cx=\"{}\" cy=\"{}\" r=\"{}\" {attributes}/>",
+            short(x),
+            short(y),
+            short(radius)
+        ));
     }
 
     /// Draws a path.
@@ -112,7 +117,7 @@ pub fn short(value: f64) -> String {
 /// Returns about how wide a text is in the style sheet's small font.
 #[must_use]
 pub fn wide(text: &str) -> f64 {
-    6.1 * text.chars().count() as f64
+    6.9 * text.chars().count() as f64
 }
 
 /// Makes text safe to stand between tags and in attributes.
@@ -134,7 +139,10 @@ mod tests {
         let mut svg = Svg::new(10.0, 20.5);
         svg.text([1.0, 2.0], Anchor::End, "t", "</text><script>");
         let text = svg.finish("a \"b\"");
-        assert!(text.contains("&lt;/text&gt;&lt;script&gt;") && text.contains("aria-label=\"a &quot;b&quot;\""), "{text}");
+        assert!(
+            text.contains("&lt;/text&gt;&lt;script&gt;") && text.contains("aria-label=\"a &quot;b&quot;\""),
+            "{text}"
+        );
         assert!(text.starts_with("<svg viewBox=\"0 0 10 20.5\""), "{text}");
     }
 

@@ -97,13 +97,12 @@ impl Source<'_> {
 
     /// Draws a figure, or fetches it.
     fn figure(&self, node: &RunNode, view: View) -> Fragment {
-        let digest = |node: &RunNode| node.artifact.as_ref().map_or_else(String::new, |artifact| artifact.digest.to_hex());
+        let digest =
+            |node: &RunNode| node.artifact.as_ref().map_or_else(String::new, |artifact| artifact.digest.to_hex());
         let map = self.lineage.map_of(node).filter(|map| map.node != node.node).map_or_else(String::new, digest);
         let name = format!("figure\n{view:?}\n{}\n{}\n{map}", node.node, digest(node));
         self.cache.fragment(&name, || match self.picture(node, view) {
-            Ok(picture) => {
-                Fragment::whole(figure(&picture, view.scale(), view.caption(), &node.node).into_string())
-            }
+            Ok(picture) => Fragment::whole(figure(&picture, view.scale(), view.caption(), &node.node).into_string()),
             Err(message) => missing(view.caption(), &message),
         })
     }
@@ -125,12 +124,15 @@ impl Source<'_> {
                     confusion(&found.confusion.row_normalized(), Shade::Shares, "share of the true class"),
                     confusion(&found.scaled(), Shade::Relative, "scaled by the class weights"),
                 ];
-                Fragment::whole(html! {
-                    figure.wide {
-                        div.charts { @for chart in &charts { (PreEscaped(chart)) } }
-                        figcaption { "Confusion matrices " code { (scores.node) } }
+                Fragment::whole(
+                    html! {
+                        figure.wide {
+                            div.charts { @for chart in &charts { (PreEscaped(chart)) } }
+                            figcaption { "Confusion matrices " code { (scores.node) } }
+                        }
                     }
-                }.into_string())
+                    .into_string(),
+                )
             }
         }
     }
@@ -195,12 +197,14 @@ pub(super) fn featured(source: &Source<'_>) -> Fragment {
     }
     let (shown, rest) = featured.split_at(featured.len().min(MOST_FEATURED));
     let parts: Vec<Fragment> = shown.par_iter().map(|map| one_map(source, &maps, map)).collect();
-    gathered(&parts, |parts| html! {
-        section id="maps" {
-            h2 { "Predictions by map" }
-            (parts)
-            @if !rest.is_empty() {
-                p.muted { "Not shown: " (rest.len()) " more maps. " code { "trodden show" } " draws them." }
+    gathered(&parts, |parts| {
+        html! {
+            section id="maps" {
+                h2 { "Predictions by map" }
+                (parts)
+                @if !rest.is_empty() {
+                    p.muted { "Not shown: " (rest.len()) " more maps. " code { "trodden show" } " draws them." }
+                }
             }
         }
     })
@@ -219,8 +223,14 @@ fn one_map(source: &Source<'_>, maps: &Maps<'_>, map: &RunNode) -> Fragment {
         parts.push(compared(source, &heats));
     } else {
         for heat in &heats {
+            if heat.artifact.is_none() {
+                parts.push(missing("Prediction", &absent(heat)));
+                continue;
+            }
             parts.push(source.row(&predictions(heat)));
-            parts.extend(source.lineage.made_from(heat, "ClassScores").into_iter().map(|scores| source.matrices(scores)));
+            parts.extend(
+                source.lineage.made_from(heat, "ClassScores").into_iter().map(|scores| source.matrices(scores)),
+            );
         }
     }
     let facts = map.artifact.as_ref().and_then(|artifact| Shown::of(source.store, &map.kind, artifact).ok());
@@ -228,15 +238,17 @@ fn one_map(source: &Source<'_>, maps: &Maps<'_>, map: &RunNode) -> Fragment {
         let of_interest = shown.facts().iter().filter(|(name, _)| name != "origin");
         of_interest.map(|(_, value)| value.as_str()).collect::<Vec<_>>().join("; free: ")
     });
-    gathered(&parts, |parts| html! {
-        article.map {
-            h3 { (member_name(map)) " " span.muted { (facts) } }
-            (parts)
+    gathered(&parts, |parts| {
+        html! {
+            article.map {
+                h3 { (member_name(map)) " " span.muted { (facts) } }
+                (parts)
+            }
         }
     })
 }
 
-fn predictions<'a>(heat: &'a RunNode) -> [(&'a RunNode, View); 3] {
+fn predictions(heat: &RunNode) -> [(&RunNode, View); 3] {
     [(heat, View::Heat(Scale::Linear)), (heat, View::Heat(Scale::Log)), (heat, View::Prediction)]
 }
 
@@ -249,14 +261,18 @@ fn compared(source: &Source<'_>, heats: &[&RunNode]) -> Fragment {
     for heat in heats {
         for scores in source.lineage.made_from(heat, "ClassScores") {
             let matrices = source.matrices(scores);
-            parts.push(gathered(&[matrices], |matrices| html! {
-                details { summary { "Confusion matrices of " code { (stage_name(heat)) } } (matrices) }
+            parts.push(gathered(&[matrices], |matrices| {
+                html! {
+                    details { summary { "Confusion matrices of " code { (stage_name(heat)) } } (matrices) }
+                }
             }));
         }
     }
-    gathered(&parts, |parts| html! {
-        h4 { "Annotations side by side: " (names.join(", ")) }
-        div.compared style=(format!("--count:{}", heats.len())) { (parts) }
+    gathered(&parts, |parts| {
+        html! {
+            h4 { "Annotations side by side: " (names.join(", ")) }
+            (parts)
+        }
     })
 }
 
@@ -265,10 +281,12 @@ pub(super) fn gallery(source: &Source<'_>) -> Fragment {
     let maps = Maps::of(source);
     let (_, others) = maps.parted();
     let view = |map: &&'_ RunNode| {
-        let best = [("Labels", View::Labels), ("VisitCounts", View::Visits(Scale::Log))].into_iter().find_map(|(kind, view)| {
-            let made = maps.kind(map, kind).into_iter().find(|node| node.artifact.is_some());
-            made.map(|node| (node.node.clone(), view))
-        });
+        let best = [("Labels", View::Labels), ("VisitCounts", View::Visits(Scale::Log))].into_iter().find_map(
+            |(kind, view)| {
+                let made = maps.kind(map, kind).into_iter().find(|node| node.artifact.is_some());
+                made.map(|node| (node.node.clone(), view))
+            },
+        );
         best.unwrap_or_else(|| (map.node.clone(), View::Map))
     };
     let wanted: Vec<(String, View)> = others.iter().take(MOST_IN_GALLERY).map(view).collect();
@@ -283,11 +301,13 @@ pub(super) fn gallery(source: &Source<'_>) -> Fragment {
         source.row(&nodes)
     };
     let left = others.len().saturating_sub(MOST_IN_GALLERY);
-    gathered(&[row(&wanted), row(&windows)], |parts| html! {
-        section id="gallery" {
-            h2 { "Maps and labels to learn from" }
-            (parts)
-            @if left > 0 { p.muted { "Not shown: " (left) " more maps." } }
+    gathered(&[row(&wanted), row(&windows)], |parts| {
+        html! {
+            section id="gallery" {
+                h2 { "Maps and labels to learn from" }
+                (parts)
+                @if left > 0 { p.muted { "Not shown: " (left) " more maps." } }
+            }
         }
     })
 }

@@ -57,7 +57,14 @@ fn fingerprint(run: &Run) -> String {
     let mut text = String::from("results\n");
     for node in &run.nodes {
         let digest = node.artifact.as_ref().map_or_else(String::new, |artifact| artifact.digest.to_hex());
-        text.push_str(&format!("{} {:?} {} {} {digest} {}\n", node.node, node.role, node.stage, node.kind, node.inputs.join(" ")));
+        text.push_str(&format!(
+            "{} {:?} {} {} {digest} {}\n",
+            node.node,
+            node.role,
+            node.stage,
+            node.kind,
+            node.inputs.join(" ")
+        ));
     }
     text
 }

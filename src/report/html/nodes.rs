@@ -31,6 +31,16 @@ impl Group<'_> {
         uses.join(", ")
     }
 
+    /// Says how many nodes ended how, and how long those took that ran.
+    fn tally(&self) -> String {
+        let time = self.time();
+        if time.is_empty() { tally(&self.counts) } else { format!("{}, {time}", tally(&self.counts)) }
+    }
+
+    fn time(&self) -> String {
+        if self.wall_s > 0.0 { seconds(self.wall_s) } else { String::new() }
+    }
+
     fn kind(&self) -> &str {
         self.nodes.first().map_or("", |node| &node.kind)
     }
@@ -53,17 +63,19 @@ fn groups<'r>(lineage: &Lineage<'r>) -> Vec<Group<'r>> {
         let group = &mut groups[at];
         group.nodes.push(node);
         group.counts.add(node.outcome);
-        group.wall_s += node.wall_s;
+        if matches!(node.outcome, Outcome::Ran | Outcome::Failed) {
+            group.wall_s += node.wall_s;
+        }
     }
-    for at in 0..groups.len() {
-        let names = groups[at].nodes.iter().flat_map(|node| &node.inputs);
+    for (at, group) in groups.iter_mut().enumerate() {
+        let names = group.nodes.iter().flat_map(|node| &node.inputs);
         let mut inputs: Vec<usize> = names
             .filter_map(|input| index.get(input.split('/').next().unwrap_or(input)).copied())
             .filter(|input| *input != at)
             .collect();
         inputs.sort_unstable();
         inputs.dedup();
-        groups[at].inputs = inputs;
+        group.inputs = inputs;
     }
     groups
 }
@@ -79,7 +91,8 @@ pub(super) fn section(lineage: &Lineage<'_>) -> Markup {
                 1 => group.uses(),
                 members => format!("{} × {members}", group.uses()),
             },
-            note: format!("{} · {}", tally(&group.counts), seconds(group.wall_s)),
+            note: tally(&group.counts),
+            time: group.time(),
             counts: group.counts,
             inputs: group.inputs.clone(),
         })
@@ -108,7 +121,7 @@ fn table(group: &Group<'_>) -> Markup {
         details.stage open[failed] {
             summary {
                 code { (group.name) } " " span.muted { (group.uses()) " → " (group.kind()) }
-                span.right { (tally(&group.counts)) ", " (seconds(group.wall_s)) }
+                span.right { (group.tally()) }
             }
             div.scroll { table.nodes {
                 thead { tr { th { "node" } th { "outcome" } th { "time" } th { "size" } th { "digest" } th { "reads" } } }

@@ -18,7 +18,8 @@ pub(super) fn section(source: &Source<'_>) -> Fragment {
     let scores: Vec<_> = read_all::<ClassScores>(source, "ClassScores");
     let costs: Vec<_> = read_all::<SocialCosts>(source, "SocialCosts");
     let (crowds, crowds_whole) = crowds(source);
-    let whole = crowds_whole && scores.iter().all(|(_, read)| read.is_ok()) && costs.iter().all(|(_, read)| read.is_ok());
+    let whole =
+        crowds_whole && scores.iter().all(|(_, read)| read.is_ok()) && costs.iter().all(|(_, read)| read.is_ok());
     if scores.is_empty() && costs.is_empty() && crowds.is_empty() {
         return Fragment::whole(String::new());
     }
@@ -44,7 +45,8 @@ fn read_all<'r, K: crate::kinds::Kind + Send>(source: &'r Source<'_>, kind: &str
 /// Returns the summary of each simulated map that has one, and whether all could be read.
 fn crowds<'r>(source: &'r Source<'_>) -> (Vec<(&'r RunNode, Summary)>, bool) {
     let nodes: Vec<&RunNode> = source.lineage.of_kind("Trajectories").collect();
-    let found: Vec<(&RunNode, Option<Option<Summary>>)> = nodes.par_iter().map(|node| (*node, crowd(source, node))).collect();
+    let found: Vec<(&RunNode, Option<Option<Summary>>)> =
+        nodes.par_iter().map(|node| (*node, crowd(source, node))).collect();
     let whole = found.iter().all(|(_, summary)| summary.is_some());
     (found.into_iter().filter_map(|(node, summary)| Some((node, summary??))).collect(), whole)
 }
@@ -78,7 +80,11 @@ fn main_stage<'a, T>(read: &'a [ReadNode<'_, T>]) -> Vec<&'a T> {
     read.iter().filter(|(node, _)| Some(stage_name(node)) == first).filter_map(|(_, read)| read.as_ref().ok()).collect()
 }
 
-fn cards(scores: &[ReadNode<'_, ClassScores>], costs: &[ReadNode<'_, SocialCosts>], crowds: &[(&RunNode, Summary)]) -> Markup {
+fn cards(
+    scores: &[ReadNode<'_, ClassScores>],
+    costs: &[ReadNode<'_, SocialCosts>],
+    crowds: &[(&RunNode, Summary)],
+) -> Markup {
     let (main, costs) = (main_stage(scores), main_stage(costs));
     let over = |count: usize| if count == 1 { "on one map".to_owned() } else { format!("mean of {count} maps") };
     let mut cards: Vec<(&str, String, String)> = Vec::new();
@@ -88,7 +94,11 @@ fn cards(scores: &[ReadNode<'_, ClassScores>], costs: &[ReadNode<'_, SocialCosts
         let rho = mean(main.iter().map(|s| s.spearman_visits.or(s.spearman_classes)));
         cards.push(("Spearman’s ρ", figure(rho), format!("heat and visits, {}", over(main.len()))));
         let kappa = figure(mean(main.iter().map(|s| s.confusion.quadratic_kappa())));
-        cards.push(("Mean recall", figure(mean(main.iter().map(|s| s.confusion.mean_recall()))), format!("quadratic κ: {kappa}")));
+        cards.push((
+            "Mean recall",
+            figure(mean(main.iter().map(|s| s.confusion.mean_recall()))),
+            format!("quadratic κ: {kappa}"),
+        ));
         let adjacent = percent(mean(main.iter().map(|s| s.confusion.adjacent_errors())));
         cards.push(("Adjacent errors", adjacent, "of all wrong classes".to_owned()));
     }
@@ -185,7 +195,11 @@ fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
         .map(|(node, costs)| BoxRow {
             name: name(node),
             values: costs.episodes.iter().map(|episode| episode.offset).collect(),
-            note: format!("{} within 25 % (chance {})", percent(Some(costs.within_quarter)), percent(Some(costs.chance))),
+            note: format!(
+                "{} within 25 % (chance {})",
+                percent(Some(costs.within_quarter)),
+                percent(Some(costs.chance))
+            ),
         })
         .collect();
     html! {
@@ -228,15 +242,17 @@ fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
 fn crowd_table(crowds: &[(&RunNode, Summary)]) -> Markup {
     let mut sum = Summary::default();
     crowds.iter().for_each(|(_, summary)| sum += *summary);
-    let row = |name: &str, summary: &Summary| html! {
-        td { (name) }
-        td { (grouped(summary.episodes)) }
-        td { (grouped(summary.agents)) }
-        td { (grouped(summary.paths)) }
-        td { (grouped(summary.arrived)) }
-        td { (grouped(summary.stuck)) " (" (format!("{:.2} %", 100.0 * summary.stuck_share())) ")" }
-        td { (grouped(summary.wall_hits)) }
-        td { (grouped(summary.agent_steps)) }
+    let row = |name: &str, summary: &Summary| {
+        html! {
+            td { (name) }
+            td { (grouped(summary.episodes)) }
+            td { (grouped(summary.agents)) }
+            td { (grouped(summary.paths)) }
+            td { (grouped(summary.arrived)) }
+            td { (grouped(summary.stuck)) " (" (format!("{:.2} %", 100.0 * summary.stuck_share())) ")" }
+            td { (grouped(summary.wall_hits)) }
+            td { (grouped(summary.agent_steps)) }
+        }
     };
     html! {
         h3 { "Crowd" }

@@ -29,13 +29,15 @@ fn one(source: &Source<'_>, node: &RunNode) -> Fragment {
             let config = &checkpoint.config;
             let metrics = &checkpoint.metrics;
             let loss = curves(&[line("loss", metrics, |m| m.loss)], "Loss (eq. 4)", "epoch", false);
-            let mut lines = vec![line("accuracy", metrics, |m| m.accuracy), line("mean recall", metrics, |m| m.mean_recall)];
+            let mut lines =
+                vec![line("accuracy", metrics, |m| m.accuracy), line("mean recall", metrics, |m| m.mean_recall)];
             for class in 0..=usize::from(config.classes()) {
                 let name = if class == 0 { "obstacle".to_owned() } else { format!("class {class}") };
                 lines.push(line(&name, metrics, |m| m.recall.get(class).copied().unwrap_or(f64::NAN)));
             }
             let recall = curves(&lines, "Accuracy, and recall by class", "epoch", true);
-            let list = |values: Vec<f64>| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(", ");
+            let list =
+                |values: Vec<f64>| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(", ");
             let samples = metrics.last().map_or(0, |m| m.samples);
             Fragment::whole(html! {
                 figure.wide {
@@ -57,7 +59,9 @@ fn last_epoch<'r>(source: &Source<'r>, node: &'r RunNode) -> &'r RunNode {
     if node.artifact.is_some() {
         return node;
     }
-    let own = |epoch: &&RunNode| epoch.role == Role::Epoch && stage_name(epoch) == stage_name(node) && epoch.artifact.is_some();
+    let own = |epoch: &&RunNode| {
+        epoch.role == Role::Epoch && stage_name(epoch) == stage_name(node) && epoch.artifact.is_some()
+    };
     source.lineage.run.nodes.iter().rfind(own).unwrap_or(node)
 }
 

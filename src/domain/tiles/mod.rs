@@ -1,6 +1,5 @@
 //! Windows of maps and labels: cut, turned and mirrored, stitched back (sections IV-A and IV-C of the paper).
 
-#[path = "tiles/transform.rs"]
 mod transform;
 
 use schemars::JsonSchema;

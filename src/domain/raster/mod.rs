@@ -5,7 +5,6 @@
 //! within a nanometer belong to it, so that rounding does not decide about positions that lie on the grid. The way from
 //! the last sample of one leg to the first of the next is part of the later one: a leg starts where the one before ended.
 
-#[path = "raster/capsule.rs"]
 mod capsule;
 
 use rayon::prelude::*;

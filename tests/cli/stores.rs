@@ -1,0 +1,137 @@
+//! Stores that are damaged, foreign, newer, read-only or full.
+
+use std::path::PathBuf;
+use std::process::Command;
+
+use super::{Place, Said, check};
+
+/// Where an object of a node lies.
+fn object(place: &Place, node: &str) -> PathBuf {
+    let node: serde_json::Value = serde_json::from_str(&place.out(&["show", node, "--json"])).expect("is JSON");
+    let digest = node["artifact"]["files"][0]["digest"].as_str().expect("has a digest").to_owned();
+    place.path("artifacts/objects").join(&digest[..2]).join(&digest[2..])
+}
+
+/// Flips a byte in a file that is read-only.
+fn damage(path: &PathBuf) {
+    let mut bytes = std::fs::read(path).expect("reads");
+    bytes[5] ^= 1;
+    std::fs::remove_file(path).expect("removes");
+    std::fs::write(path, bytes).expect("writes");
+}
+
+#[test]
+fn verify_names_what_is_damaged_and_the_next_run_makes_it_again() {
+    let place = Place::finished();
+    check("verify", &place.out(&["verify"]));
+    damage(&object(&place, "visits/home_01"));
+    let said = place.run(&["verify"]);
+    assert_eq!(said.code, Some(3), "{}{}", said.out, said.err);
+    check("verify-damaged", &said.out);
+    check("verify-missing", &place.out(&["verify"]));
+    check("run-mends", &place.run(&["run", "tiny.yaml"]).err);
+    assert!(place.out(&["verify", "--json"]).contains("\"clean\":true"));
+}
+
+#[test]
+fn whoever_reads_a_damaged_object_names_it() {
+    let place = Place::finished();
+    let path = object(&place, "labels/home_1000");
+    damage(&path);
+    check("show-damaged", &place.refused(3, &["show", "labels/home_1000"]));
+    assert!(!path.exists(), "it was set aside");
+    check("run-after-damage", &place.run(&["run", "tiny.yaml"]).err);
+}
+
+#[test]
+fn a_run_that_reads_a_damaged_object_names_it() {
+    let place = Place::finished();
+    damage(&object(&place, "visits/home_01"));
+    let words = ["run", "tiny.yaml", "--set", "labels.classes=4", "--only", "labels/home_01", "--jobs", "1"];
+    check("run-reads-damage", &place.refused(3, &words));
+    check("run-after-it", &place.run(&words).err);
+}
+
+#[test]
+fn a_damaged_recipe_is_a_warning() {
+    let place = Place::finished();
+    let node: serde_json::Value =
+        serde_json::from_str(&place.out(&["show", "labels/home_00", "--json"])).expect("is JSON");
+    let key = node["key"].as_str().expect("has a key");
+    let named = |path: &PathBuf| path.to_string_lossy().contains(&key[2..12]);
+    let folder = place.path("artifacts/recipes").join(&key[..2]);
+    let path =
+        std::fs::read_dir(folder).expect("lists").flatten().map(|entry| entry.path()).find(named).expect("is there");
+    std::fs::remove_file(&path).expect("removes");
+    std::fs::write(&path, "{").expect("writes");
+    check("run-damaged-recipe", &place.run(&["run", "tiny.yaml"]).err);
+}
+
+#[test]
+fn stores_that_are_none() {
+    let place = Place::empty();
+    place.write("foreign/file", "");
+    let requests: [&[&str]; 6] = [
+        &["status"],
+        &["show", "model"],
+        &["gc"],
+        &["status", "--store", "foreign"],
+        &["run", "tiny.yaml", "--store", "foreign"],
+        &["status", "--store", "tiny.yaml"],
+    ];
+    let said: Vec<String> =
+        requests.iter().map(|words| format!("$ {}\n{}", words.join(" "), place.refused(2, words))).collect();
+    check("store-none", &said.join("\n"));
+    assert!(!place.path("artifacts").exists());
+}
+
+#[test]
+fn a_store_without_runs() {
+    let place = Place::empty();
+    place.write("artifacts/store.json", "{\"format\":1}");
+    check("store-empty", &place.out(&["status"]));
+    check("store-empty-ls", &place.refused(2, &["ls"]));
+}
+
+#[test]
+fn a_store_of_a_newer_version() {
+    let place = Place::finished();
+    place.write("artifacts/store.json", "{\"format\":9,\"new\":true}");
+    check("store-newer", &place.refused(2, &["run", "tiny.yaml"]));
+    assert_eq!(place.refused(2, &["gc"]), place.refused(2, &["ls"]));
+    place.write("artifacts/store.json", "{");
+    check("store-header", &place.refused(3, &["run", "tiny.yaml"]));
+}
+
+/// Runs the pipeline where a file system of its own is mounted first; `None`, with a line, where that is not allowed.
+fn in_namespace(place: &Place, script: &str) -> Option<Said> {
+    let allowed = Command::new("unshare").args(["-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]).output();
+    if !allowed.is_ok_and(|output| output.status.success()) {
+        println!("skipped: a file system of its own needs `unshare` and the right to mount");
+        return None;
+    }
+    let script = format!("{script} && cd \"$PWD\" && exec '{}' run tiny.yaml --quiet", env!("CARGO_BIN_EXE_trodden"));
+    let output = Command::new("unshare").args(["-rm", "sh", "-c", &script]).current_dir(place.path("")).output();
+    Some(Said::of(output.expect("starts")))
+}
+
+#[test]
+fn a_full_disk() {
+    let place = Place::empty();
+    std::fs::create_dir(place.path("artifacts")).expect("creates");
+    let Some(said) = in_namespace(&place, "mount -t tmpfs -o size=200k tmpfs artifacts") else { return };
+    assert!(matches!(said.code, Some(1 | 2)), "{:?}: {}", said.code, said.err);
+    assert!(said.err.contains("no space is left on the disk of the store `artifacts`"), "{}", said.err);
+    assert!(said.err.contains("help: free some space"), "{}", said.err);
+}
+
+#[test]
+fn a_read_only_disk() {
+    let place = Place::finished();
+    let Some(said) = in_namespace(&place, "mount --bind artifacts artifacts && mount -o remount,ro,bind artifacts")
+    else {
+        return;
+    };
+    assert_eq!(said.code, Some(2), "{}", said.err);
+    check("store-read-only", &said.err);
+}
