@@ -52,15 +52,14 @@ fn benches(criterion: &mut Criterion) {
         let compute = Compute::new(DeviceName::Flex, Some(simd)).expect("available");
         for threads in [1, 2] {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-            pool.install(|| {
-                let mut trainer = trainer(&batch, &compute);
-                group.bench_function(format!("train/{simd}/{threads}"), |bencher| {
-                    bencher.iter(|| trainer.epoch(&mut |_| ControlFlow::Continue(())).expect("training goes well"));
-                });
-                let (network, mut out) = (network(&batch, &compute), vec![0.0; windows.len() * (CLASSES + 1)]);
-                group.bench_function(format!("infer/{simd}/{threads}"), |bencher| {
-                    bencher.iter(|| network.predict(&windows, SIZE, SIZE, BATCH, &mut out));
-                });
+            let mut trainer = trainer(&batch, &compute);
+            group.bench_function(format!("train/{simd}/{threads}"), |bencher| {
+                let mut step = || trainer.epoch(&mut |_| ControlFlow::Continue(())).expect("training goes well");
+                bencher.iter(|| pool.install(&mut step));
+            });
+            let (network, mut out) = (network(&batch, &compute), vec![0.0; windows.len() * (CLASSES + 1)]);
+            group.bench_function(format!("infer/{simd}/{threads}"), |bencher| {
+                bencher.iter(|| pool.install(|| network.predict(&windows, SIZE, SIZE, BATCH, &mut out)));
             });
         }
     }
