@@ -31,6 +31,10 @@
 //!
 //! `tests/architecture.rs` holds the sources against this table.
 //!
+//! Beside the domain's rooms for maps, crowds and the network stand `random` (named streams of random numbers) and `tracks`
+//! (positions frame by frame), which several of them share. In the pipeline, `graph` expands nodes into chunks and steps and
+//! `ledger` knows what is on record; plan and execution are two readers of the same ledger, so that they cannot disagree.
+//!
 //! # Invariants
 //!
 //! - Same inputs, same bytes, whatever the number of threads. Randomness comes from [`domain::random::Stream`], named by what

@@ -69,7 +69,10 @@ fn store_error(error: &StageError) -> Option<&StoreError> {
     }
     let mut cause = std::error::Error::source(error);
     while let Some(error) = cause {
-        match error.downcast_ref::<StoreError>() {
+        // An I/O error that carries another one does not name it as its source.
+        let carried = error.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref);
+        let carried = carried.and_then(|carried| carried.downcast_ref::<StoreError>());
+        match error.downcast_ref::<StoreError>().or(carried) {
             Some(error) => return Some(error),
             None => cause = error.source(),
         }
