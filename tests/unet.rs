@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use trodden::domain::annotate::{AnnotateConfig, Mode, annotate};
+use trodden::domain::annotate::{AnnotateConfig, Mode, Overlap, annotate};
 use trodden::domain::geometry::{Cell, Frame, Grid};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
@@ -208,6 +208,39 @@ fn dense_mode_is_one_image_of_the_whole_map() {
         let at = (cell.row + margin as usize) * width + cell.col + margin as usize;
         for class in 0..4 {
             assert_eq!(annotation.probabilities[class][cell], out[at * 4 + class], "{cell:?}");
+        }
+    }
+}
+
+/// Where only the central cells of windows count, the passes over the whole map give what the windows would, to the bit.
+#[test]
+fn central_cells_do_not_need_their_windows() {
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let network = trained(&compute);
+    let mut stream = Stream::new(5, &[0; 32], 0, "test/map");
+    let (rows, cols, size) = (30, 44, 64);
+    let free = Grid::from_fn(rows, cols, |_| stream.unit() > 0.3);
+    let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
+    for stride in [9, 20] {
+        let config = AnnotateConfig { stride, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        let mut predict = |images: &[u8], rows, cols, n, out: &mut [f32]| network.predict(images, rows, cols, n, out);
+        let annotation = annotate(&map, size, 3, &config, &mut predict, &mut |_, _| ControlFlow::Continue(()));
+        let annotation = annotation.expect("in range");
+        let (stride, from) = (stride as isize, (size - stride as usize).div_ceil(2) as isize);
+        for (band, bar) in (-8..8).flat_map(|band| (-8..8).map(move |bar| (band * stride, bar * stride))) {
+            let window: Vec<u8> = (0..(size * size) as isize)
+                .map(|i| u8::from(map.is_free(band + i / size as isize, bar + i % size as isize)))
+                .collect();
+            let out = network.probabilities(&window, size, 1);
+            for (row, col) in (from..from + stride).flat_map(|row| (from..from + stride).map(move |col| (row, col))) {
+                if map.is_free(band + row, bar + col) {
+                    let cell = Cell { row: (band + row) as usize, col: (bar + col) as usize };
+                    for class in 0..4 {
+                        let expected = out[(row as usize * size + col as usize) * 4 + class];
+                        assert_eq!(annotation.probabilities[class][cell].to_bits(), expected.to_bits(), "{cell:?}");
+                    }
+                }
+            }
         }
     }
 }

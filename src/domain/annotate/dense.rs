@@ -1,6 +1,6 @@
-//! Dense mode: the whole map at once, at several offsets.
+//! The whole map at once, at several offsets: dense mode, and those windows of exact mode of which only the middle counts.
 
-use std::ops::ControlFlow;
+use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
@@ -29,25 +29,63 @@ fn offsets(count: usize) -> impl Iterator<Item = (usize, usize)> {
     })
 }
 
+/// At which offsets the map is predicted, and which of the predictions each cell gets.
+#[derive(Debug, Clone)]
+pub(super) struct Passes {
+    /// Cells by which the map is shifted down and to the right.
+    offsets: Vec<(usize, usize)>,
+    /// The one shift that counts for each row and for each column; `None` if all do, and cells get the mean.
+    own: Option<[Vec<usize>; 2]>,
+}
+
+impl Passes {
+    /// Shifts by `count` of the 64 offsets; all of them count for every cell.
+    pub(super) fn mean_of(count: usize) -> Self {
+        Self { offsets: offsets(count).collect(), own: None }
+    }
+
+    /// Shifts so that each cell is seen as in a window that begins at `starts` of its row and of its column.
+    pub(super) fn as_in_windows(starts: [Vec<isize>; 2]) -> Self {
+        // Images begin at a multiple of the period less the offset.
+        let own = starts.map(|starts| {
+            starts.into_iter().map(|start| (-start).rem_euclid(PERIOD as isize) as usize).collect::<Vec<_>>()
+        });
+        let offsets = offsets(PERIOD * PERIOD).filter(|(down, right)| own[0].contains(down) && own[1].contains(right));
+        Self { offsets: offsets.collect(), own: Some(own) }
+    }
+
+    /// Returns how many predictions a cell gets.
+    fn for_each_cell(&self) -> usize {
+        if self.own.is_some() { 1 } else { self.offsets.len() }
+    }
+
+    /// Returns the columns among `cols` that get their predictions in row `row` of the map from an offset.
+    fn cols(&self, row: usize, cols: Range<usize>, (down, right): (usize, usize)) -> impl Iterator<Item = usize> {
+        let own = self.own.as_ref();
+        let cols = if own.is_none_or(|[rows, _]| rows[row] == down) { cols } else { 0..0 };
+        cols.filter(move |col| own.is_none_or(|[_, cols]| cols[*col] == right))
+    }
+}
+
 /// Splits a length into blocks of almost equal length, none above [`BLOCK`].
-fn blocks(length: usize) -> Vec<std::ops::Range<usize>> {
+fn blocks(length: usize) -> Vec<Range<usize>> {
     let step = length.div_ceil(length.div_ceil(BLOCK).max(1)).next_multiple_of(PERIOD);
     (0..length).step_by(step.max(1)).map(|start| start..(start + step).min(length)).collect()
 }
 
-/// Computes the mean probabilities of every cell, shape [rows, cols, C + 1], over `count` offsets.
+/// Computes the mean probabilities of every cell, shape [rows, cols, C + 1], over the passes that count for it.
 ///
 /// The map lies in endless obstacle. Blocks of it are predicted with a margin that is wider than the network can see,
 /// so the result does not depend on the blocks.
 pub(super) fn means(
     free: &Grid<bool>,
     classes: usize,
-    count: usize,
+    passes: &Passes,
     predict: &mut Predict<'_>,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<f32>, AnnotateError> {
     let width = classes + 1;
-    let offsets: Vec<_> = offsets(count).collect();
+    let (offsets, count) = (&passes.offsets, passes.for_each_cell());
     let (bands, bars) = (blocks(free.rows()), blocks(free.cols()));
     let total = bands.len() * bars.len() * offsets.len();
     let mut done = 0;
@@ -72,9 +110,12 @@ pub(super) fn means(
             predict(&images, rows, cols, batch.len(), &mut predicted);
             sums.par_chunks_exact_mut(bar.len() * width).enumerate().for_each(|(row, sums)| {
                 for (image, &(down, right)) in predicted.chunks_exact(rows * cols * width).zip(batch) {
-                    let start = (MARGIN + down + row) * cols + MARGIN + right;
-                    for (sum, value) in sums.iter_mut().zip(&image[start * width..]) {
-                        *sum += f64::from(*value);
+                    let line = &image[((MARGIN + down + row) * cols + MARGIN + right) * width..];
+                    for col in passes.cols(band.start + row, bar.clone(), (down, right)) {
+                        let at = (col - bar.start) * width;
+                        for (sum, value) in sums[at..at + width].iter_mut().zip(&line[at..]) {
+                            *sum += f64::from(*value);
+                        }
                     }
                 }
             });
@@ -105,6 +146,15 @@ mod tests {
             assert!(offsets(count).all(|(down, right)| down % step == 0 && right % step == 0), "{count}");
         }
         assert_eq!(offsets(2).collect::<Vec<_>>(), [(0, 0), (4, 4)]);
+    }
+
+    #[test]
+    fn a_window_is_seen_at_the_offset_of_its_first_cell() {
+        let passes = Passes::as_in_windows([vec![-32, -31, -8], vec![5; 4]]);
+        assert_eq!(passes.own, Some([vec![0, 7, 0], vec![3; 4]]));
+        assert_eq!(passes.offsets.iter().copied().collect::<std::collections::BTreeSet<_>>(), [(0, 3), (7, 3)].into());
+        assert_eq!(passes.cols(1, 1..3, (7, 3)).collect::<Vec<_>>(), [1, 2]);
+        assert_eq!(passes.cols(1, 1..3, (0, 3)).count(), 0);
     }
 
     #[test]

@@ -4,7 +4,8 @@
 //! the map, and a cell gets the mean of what every window that covers it predicts. *Dense* (`dense`) uses that the
 //! network is fully convolutional: one pass over the whole map predicts all cells at once, each with its full
 //! surroundings in sight; what is left of a window's position is its offset modulo 8, because the network halves its
-//! input three times, so the mean runs over some of these 64 offsets.
+//! input three times, so the mean runs over some of these 64 offsets. Where only the middle of each window counts (one of
+//! the paper's ablations), exact mode gives the same numbers by such passes, and takes them.
 //!
 //! The network itself is a function that is passed in, [`Predict`].
 
@@ -172,8 +173,16 @@ pub fn annotate(
     config.check_with(window)?;
     let free = map.free();
     let means = match config.mode {
-        Mode::Exact => windows::means(free, classes, &windows::Slide::new(window, config), predict, progress)?,
-        Mode::Dense => dense::means(free, classes, config.offsets as usize, predict, progress)?,
+        Mode::Exact => {
+            let slide = windows::Slide::new(window, config);
+            match slide.as_passes(free) {
+                Some(passes) => dense::means(free, classes, &passes, predict, progress)?,
+                None => windows::means(free, classes, &slide, predict, progress)?,
+            }
+        }
+        Mode::Dense => {
+            dense::means(free, classes, &dense::Passes::mean_of(config.offsets as usize), predict, progress)?
+        }
     };
     let levels = levels(classes);
     let value = |cell: &[f32]| cell.iter().zip(&levels).map(|(p, level)| f64::from(*p) * level).sum::<f64>() as f32;

@@ -87,6 +87,26 @@ fn ablations_agree_with_a_direct_computation() {
     }
 }
 
+/// In windows of 64 the central cells do not depend on the edge, so the whole map is predicted at once.
+#[test]
+fn central_cells_agree_with_a_direct_computation() {
+    let map = &maps()[1];
+    // How many images are predicted: one for each offset at which windows begin, or (`None`) window by window.
+    for (stride, expected) in [(1, Some(5 * 3)), (3, Some(3 * 2)), (16, Some(1)), (20, Some(2 * 2)), (21, None)] {
+        let config = AnnotateConfig { stride, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        let from = (64 - stride as usize).div_ceil(2);
+        let center = |i: usize| (from..from + stride as usize).contains(&i);
+        let (mut images, mut size) = (0, 0);
+        let mut predict = |windows: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]| {
+            (images, size) = (images + n, rows);
+            synthetic(windows, rows, cols, n, out);
+        };
+        let found = annotate(map, 64, 3, &config, &mut predict, &mut |_, _| ControlFlow::Continue(()));
+        assert_close(&found.expect("in range").heat, &slow(map, 64, stride as usize, |r, c| center(r) && center(c)));
+        assert_eq!((size != 64).then_some(images), expected, "{stride}");
+    }
+}
+
 #[test]
 fn probabilities_are_means_and_blocked_cells_are_zero() {
     let map = &maps()[0];

@@ -5,11 +5,19 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use super::dense::Passes;
 use super::{AnnotateConfig, AnnotateError, Overlap, Predict, Progress};
 use crate::domain::geometry::Grid;
 
 /// Windows that are predicted at once.
 const BATCH: usize = 64;
+
+/// So many cells from its edge, a window's prediction may depend on where the edge is.
+///
+/// The zeros around each feature map reach one pixel further with every 3×3 convolution. Down the network that is 1 pixel
+/// of full resolution, 2 of half (one of them by pooling), 2 of a quarter and 2 of an eighth; up again 4 + 1 of a
+/// quarter, 10 + 1 of half and, the head having one tap, 22 of full resolution.
+const EDGE: usize = 22;
 
 /// Where the windows lie and which of their cells count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -34,6 +42,18 @@ impl Slide {
             // The center of an even number of cells is taken to be the cell after the middle.
             Overlap::PerPixel => Self { size, stride, from: (size - stride).div_ceil(2), count: stride },
         }
+    }
+
+    /// Returns how to predict the whole map at once, if no cell that counts depends on where its window's edge is.
+    ///
+    /// The result is the same then, at up to 1/64 of the cost.
+    pub(super) fn as_passes(&self, free: &Grid<bool>) -> Option<Passes> {
+        if self.count > self.stride || self.from < EDGE || self.from + self.count + EDGE > self.size {
+            return None;
+        }
+        let start = |cell: usize| (cell as isize - self.from as isize).div_euclid(self.stride as isize);
+        let starts = |length| (0..length).map(|cell| start(cell) * self.stride as isize).collect();
+        Some(Passes::as_in_windows([starts(free.rows()), starts(free.cols())]))
     }
 
     /// Returns the top left cells, by row and column, of all windows on the grid that contain a free cell.
