@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use rayon::prelude::*;
-use trodden::domain::crowd::{Crowd, CrowdConfig, NavConfig, Robot, Scene, Speed, Status, Summary};
+use trodden::domain::crowd::{Crowd, CrowdConfig, NavConfig, Robot, Scene, Speed, Status, Summary, Tally};
 use trodden::domain::geometry::{Frame, Grid, Point};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
@@ -73,7 +73,7 @@ fn read_scene(folder: &std::path::Path, name: &str) -> OracleScene {
 /// Lets the crowd of a scene walk and returns when each agent was at its goal, and what happened besides.
 ///
 /// Agents whose goal is not reachable have no entry.
-fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<(usize, Option<f64>)>, Summary) {
+fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<(usize, Option<f64>)>, Tally) {
     let points: Vec<Point> = scene.starts.iter().chain(&scene.goals).copied().collect();
     let world = Scene::from_polygons(&scene.polygons, &points, &scene.config).expect("a world");
     let mut crowd = Crowd::new(&world);
@@ -92,7 +92,7 @@ fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<(usize, Option<f64
             }
         }
     }
-    (arrivals, crowd.summary())
+    (arrivals, *crowd.tally())
 }
 
 #[test]
@@ -114,14 +114,14 @@ fn where_plain_orca_is_stuck_everyone_arrives() {
     for (name, seconds) in names {
         let scene = read_scene(&folder, name);
         for seed in 0..5 {
-            let (arrivals, summary) = walk(&scene, seed, seconds);
+            let (arrivals, tally) = walk(&scene, seed, seconds);
             let last = arrivals.iter().map(|(_, arrival)| arrival.unwrap_or(f64::INFINITY)).fold(0.0, f64::max);
             println!("{name}, seed {seed}: {} reachable goals, the last reached after {last:.1} s", arrivals.len());
             // Two agents of `crowd30_dense` are to go to places outside of the room.
             let unreachable = if name == "crowd30_dense" { 2 } else { 0 };
             let all = arrivals.len() == scene.starts.len() - unreachable && last.is_finite();
-            if !all || summary.wall_hits + summary.blocked_centers > 0 {
-                failures.push((name, seed, arrivals, summary));
+            if !all || tally.wall_hits + tally.blocked_centers > 0 {
+                failures.push((name, seed, arrivals, tally));
             }
         }
     }
@@ -244,8 +244,8 @@ fn few_paths_are_stuck_and_no_disc_is_in_a_wall() {
         println!("{name}: {:.2} % stuck, {summary:?}", 100.0 * summary.stuck_share());
         assert!(summary.paths > 2000 && summary.arrived > summary.paths * 3 / 4, "{name}: {summary:?}");
         assert!(summary.stuck_share() < 0.01, "{name}: {summary:?}");
-        assert_eq!(summary.wall_hits + summary.blocked_centers, 0, "{name}: {summary:?}");
-        assert!(summary.wall_overlap_max_m <= 0.01, "{name}: {summary:?}");
+        assert_eq!(summary.tally.wall_hits + summary.tally.blocked_centers, 0, "{name}: {summary:?}");
+        assert!(summary.tally.wall_overlap_max_m <= 0.01, "{name}: {summary:?}");
     }
 }
 
@@ -283,8 +283,8 @@ fn the_preset_of_igibson_walks() {
     let (_, summary) = episodes(&hall(), &config, 4, 2);
     println!("igibson: {summary:?}");
     let each = (hall().free_area() / 8.0) as u64;
-    assert_eq!((summary.agents, summary.agent_steps), (4 * each, 4 * each * 500));
-    assert_eq!(summary.wall_hits + summary.blocked_centers, 0);
+    assert_eq!((summary.agents, summary.tally.agent_steps), (4 * each, 4 * each * 500));
+    assert_eq!(summary.tally.wall_hits + summary.tally.blocked_centers, 0);
     assert!(summary.arrived > 0);
 }
 

@@ -239,7 +239,7 @@ pub(super) fn crowd_summary(store: &Store, artifact: &Artifact) -> Result<Option
 fn crowd_facts(summary: &Summary) -> Vec<(String, String)> {
     vec![
         fact("stuck paths", format!("{} of {} ({:.2} %)", summary.stuck, summary.paths, 100.0 * summary.stuck_share())),
-        fact("discs in walls", format!("{} of {} positions", summary.wall_hits, summary.agent_steps)),
+        fact("discs in walls", format!("{} of {} positions", summary.tally.wall_hits, summary.tally.agent_steps)),
     ]
 }
 

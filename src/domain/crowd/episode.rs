@@ -34,24 +34,9 @@ pub struct Summary {
     pub arrived: u64,
     /// Paths that advanced by less than 0.5 m in 5 s or whose goal was replaced.
     pub stuck: u64,
-    /// Deepest reach of a disc into a blocked cell, in meters.
-    pub wall_overlap_max_m: f64,
-    /// Positions with a disc more than 1 cm in a blocked cell.
-    pub wall_hits: u64,
-    /// Positions with the center in a blocked cell.
-    pub blocked_centers: u64,
-    /// Moves that the last resort against walls corrected.
-    pub corrected_moves: u64,
-    /// Deepest overlap of two discs that see each other, in meters.
-    pub agent_overlap_max_m: f64,
-    /// Positions of pairs of such discs that overlap by more than 1 cm.
-    pub agent_hits: u64,
-    /// Times an agent stepped aside for another.
-    pub gave_way: u64,
-    /// Detours around agents that stood in the way.
-    pub detours: u64,
-    /// Agent positions computed.
-    pub agent_steps: u64,
+    /// What happened in their steps.
+    #[serde(flatten)]
+    pub tally: Tally,
 }
 
 impl Summary {
@@ -59,22 +44,6 @@ impl Summary {
     #[must_use]
     pub fn stuck_share(&self) -> f64 {
         if self.paths == 0 { 0.0 } else { self.stuck as f64 / self.paths as f64 }
-    }
-
-    /// Takes over what the steps of a crowd counted.
-    pub(super) fn with_tally(self, tally: &Tally) -> Self {
-        Self {
-            wall_overlap_max_m: tally.wall_overlap_max_m,
-            wall_hits: tally.wall_hits,
-            blocked_centers: tally.blocked_centers,
-            corrected_moves: tally.corrected_moves,
-            agent_overlap_max_m: tally.agent_overlap_max_m,
-            agent_hits: tally.agent_hits,
-            gave_way: tally.gave_way,
-            detours: tally.detours,
-            agent_steps: tally.agent_steps,
-            ..self
-        }
     }
 }
 
@@ -85,15 +54,7 @@ impl AddAssign for Summary {
         self.paths += other.paths;
         self.arrived += other.arrived;
         self.stuck += other.stuck;
-        self.wall_overlap_max_m = self.wall_overlap_max_m.max(other.wall_overlap_max_m);
-        self.wall_hits += other.wall_hits;
-        self.blocked_centers += other.blocked_centers;
-        self.corrected_moves += other.corrected_moves;
-        self.agent_overlap_max_m = self.agent_overlap_max_m.max(other.agent_overlap_max_m);
-        self.agent_hits += other.agent_hits;
-        self.gave_way += other.gave_way;
-        self.detours += other.detours;
-        self.agent_steps += other.agent_steps;
+        self.tally += other.tally;
     }
 }
 
@@ -217,7 +178,7 @@ impl<'s> Wanderers<'s> {
 
     /// Returns what happened so far.
     pub fn summary(&self) -> Summary {
-        self.summary.with_tally(self.crowd.tally())
+        Summary { tally: *self.crowd.tally(), ..self.summary }
     }
 }
 

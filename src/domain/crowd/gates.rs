@@ -107,19 +107,11 @@ pub fn meet(mine: &[Stride], theirs: &[Stride], near: f64) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::crowd::plans::plan;
+    use crate::domain::crowd::plans::{TWO_ROOMS, plan};
 
     #[test]
     fn a_door_is_narrow_and_rooms_are_not() {
-        let rows = [
-            "###############",
-            "#......#......#",
-            "#......#......#",
-            "#.............#",
-            "#......#......#",
-            "###############",
-        ];
-        let space = FreeSpace::new(&plan(&rows, 8), 0.2);
+        let space = FreeSpace::new(&plan(&TWO_ROOMS, 8), 0.2);
         let gates = Gates::new(&space);
         let at = |x, y| gates.is_narrow(&space, Point::new(x, y));
         assert!(at(6.0, 2.0), "the door, 0.8 m wide");

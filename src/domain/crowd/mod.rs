@@ -31,7 +31,7 @@ pub use episode::{Episode, Summary};
 pub use navigation::{NavConfig, NavEpisode, Robot};
 pub use routes::Route;
 pub use scene::Scene;
-pub use walkers::{Crowd, Status};
+pub use walkers::{Crowd, Status, Tally};
 
 use super::orca::OrcaError;
 

@@ -1,13 +1,15 @@
 //! Walkers with given goals, moved step by step.
 
+use std::ops::AddAssign;
 use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
 
 use crate::domain::geometry::Point;
 use crate::domain::orca::{AgentParameters, Simulation};
 use crate::domain::random::Stream;
 
 use super::deadlock::Yielding;
-use super::episode::Summary;
 use super::routes::{Route, Search};
 use super::scene::Scene;
 use super::walker::{Line, Walker};
@@ -23,8 +25,8 @@ pub enum Status {
     Stuck,
 }
 
-/// What happened in the steps of a crowd.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+/// What happened in the steps of a crowd; tallies add up.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Tally {
     /// Deepest reach of a disc into a blocked cell, in meters.
     pub wall_overlap_max_m: f64,
@@ -44,6 +46,20 @@ pub struct Tally {
     pub detours: u64,
     /// Agent positions computed.
     pub agent_steps: u64,
+}
+
+impl AddAssign for Tally {
+    fn add_assign(&mut self, other: Self) {
+        self.wall_overlap_max_m = self.wall_overlap_max_m.max(other.wall_overlap_max_m);
+        self.wall_hits += other.wall_hits;
+        self.blocked_centers += other.blocked_centers;
+        self.corrected_moves += other.corrected_moves;
+        self.agent_overlap_max_m = self.agent_overlap_max_m.max(other.agent_overlap_max_m);
+        self.agent_hits += other.agent_hits;
+        self.gave_way += other.gave_way;
+        self.detours += other.detours;
+        self.agent_steps += other.agent_steps;
+    }
 }
 
 /// Who comes towards an agent is evaded within this distance, in meters.
@@ -187,13 +203,7 @@ impl<'s> Crowd<'s> {
 
     /// Returns what has happened so far; paths are counted by those who give goals.
     #[must_use]
-    pub fn summary(&self) -> Summary {
-        Summary::default().with_tally(&self.tally)
-    }
-
-    /// Returns what has happened so far.
-    #[must_use]
-    pub(super) const fn tally(&self) -> &Tally {
+    pub const fn tally(&self) -> &Tally {
         &self.tally
     }
 
@@ -321,19 +331,11 @@ impl<'s> Crowd<'s> {
 mod tests {
     use super::*;
     use crate::domain::crowd::CrowdConfig;
-    use crate::domain::crowd::plans::plan;
+    use crate::domain::crowd::plans::{TWO_ROOMS, plan};
 
     /// Where three agents are after some seconds, who cross a door; with another one among them, visible or not.
     fn tracks(visible: Option<bool>) -> Vec<Point> {
-        let rows = [
-            "###############",
-            "#......#......#",
-            "#......#......#",
-            "#.............#",
-            "#......#......#",
-            "###############",
-        ];
-        let scene = Scene::new(&plan(&rows, 8), &CrowdConfig::default()).expect("a scene");
+        let scene = Scene::new(&plan(&TWO_ROOMS, 8), &CrowdConfig::default()).expect("a scene");
         let mut crowd = Crowd::new(&scene);
         let ways =
             [((2.0, 2.0), (10.0, 2.5)), ((10.0, 2.0), (2.0, 1.5)), ((3.0, 3.5), (9.0, 3.5)), ((9.0, 1.5), (3.0, 2.0))];

@@ -110,7 +110,7 @@ fn cards(
     if !crowds.is_empty() {
         let mut sum = Summary::default();
         crowds.iter().for_each(|(_, summary)| sum += *summary);
-        let note = format!("of {} paths; discs in walls: {}", grouped(sum.paths), grouped(sum.wall_hits));
+        let note = format!("of {} paths; discs in walls: {}", grouped(sum.paths), grouped(sum.tally.wall_hits));
         cards.push(("Stuck paths", format!("{:.2} %", 100.0 * sum.stuck_share()), note));
     }
     html! {
@@ -250,8 +250,8 @@ fn crowd_table(crowds: &[(&RunNode, Summary)]) -> Markup {
             td { (grouped(summary.paths)) }
             td { (grouped(summary.arrived)) }
             td { (grouped(summary.stuck)) " (" (format!("{:.2} %", 100.0 * summary.stuck_share())) ")" }
-            td { (grouped(summary.wall_hits)) }
-            td { (grouped(summary.agent_steps)) }
+            td { (grouped(summary.tally.wall_hits)) }
+            td { (grouped(summary.tally.agent_steps)) }
         }
     };
     html! {
