@@ -33,13 +33,11 @@ pub struct Args {
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        let pipeline = self.pipeline.load()?;
-        check_sources(&pipeline)?;
-        print_plan(&pipeline, store, &self.only, self.all, screen)
+        print_plan(&self.pipeline.load()?, store, &self.only, self.all, screen)
     }
 }
 
-/// Plans and prints.
+/// Checks the sources, plans and prints.
 pub(super) fn print_plan(
     pipeline: &Pipeline,
     store: &Path,
@@ -47,6 +45,7 @@ pub(super) fn print_plan(
     all: bool,
     screen: &Screen,
 ) -> Result<ExitCode, CliError> {
+    check_sources(pipeline)?;
     print(&plan(pipeline, &Known::at(store)?, only)?, all, screen)
 }
 

@@ -11,7 +11,6 @@ use super::request::PipelineArgs;
 use super::screen::Screen;
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute};
-use crate::pipeline::spec::check_sources;
 use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
 use crate::store::{RunStatus, Store};
@@ -62,7 +61,6 @@ impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.pipeline.load()?;
         if self.dry_run {
-            check_sources(&pipeline)?;
             return print_plan(&pipeline, store, &self.only, false, screen);
         }
         let store = Store::open(store)?;
