@@ -13,6 +13,7 @@ use crate::domain::quantize::OBSTACLE;
 use crate::domain::unet::DeviceName;
 use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
 use crate::pipeline::stage::StageError;
+use crate::report::bars::WorkBar;
 use crate::report::picture::{Picture, Scale};
 use crate::report::png;
 use crate::stages::import_map::{ImportMap, Origin};
@@ -76,8 +77,13 @@ impl Args {
             device: DeviceName::default(),
         };
         let compute = compute::open(config.device)?;
-        let mut progress = |_: usize, _: usize| ControlFlow::Continue(());
+        let mut bar = WorkBar::new("annotate", screen.color());
+        let mut progress = |done: usize, all: usize| {
+            bar.advance(done, all);
+            ControlFlow::Continue(())
+        };
         let heat = Placed::new(*map.frame(), annotate::heat(&map, &checkpoint, &config, &compute, &mut progress)?);
+        drop(bar);
         std::fs::create_dir_all(&self.out).map_err(|source| self.failed(&self.out, source))?;
         self.write("heat.parquet", &heat.to_bytes()?, screen)?;
         self.write("map.parquet", &map.to_bytes()?, screen)?;
@@ -117,7 +123,7 @@ impl Args {
     }
 
     fn picture(&self, heat: &Placed<Heat>) -> Vec<u8> {
-        let name = self.map.display().to_string();
+        let name = self.map.file_stem().unwrap_or(self.map.as_os_str()).to_string_lossy();
         let walls = heat.value.classes.map(|class| *class == OBSTACLE);
         let picture = Picture::values(heat.frame, heat.value.heat.clone(), Some(walls), "heat", None);
         png::figure(&picture, Scale::Linear, &name)

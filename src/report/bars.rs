@@ -192,6 +192,33 @@ impl Drawn {
     }
 }
 
+/// The bar of one piece of work, outside of any run; it is cleared when it is dropped.
+#[derive(Debug)]
+pub struct WorkBar(NodeBar);
+
+impl WorkBar {
+    /// Begins to show the work on stderr, if that is a terminal.
+    #[must_use]
+    pub fn new(name: &str, is_terminal: bool) -> Self {
+        let target = if is_terminal { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(None, target);
+        bar.set_prefix(name.to_owned());
+        bar.enable_steady_tick(TICK);
+        Self(NodeBar { bar, sized: false, moved: Instant::now() })
+    }
+
+    /// Shows that so much of all is done.
+    pub fn advance(&mut self, done: usize, total: usize) {
+        self.0.advance(done as u64, total as u64);
+    }
+}
+
+impl Drop for WorkBar {
+    fn drop(&mut self) {
+        self.0.bar.finish_and_clear();
+    }
+}
+
 impl NodeBar {
     fn advance(&mut self, done: u64, total: u64) {
         if !self.sized && total > 0 {
@@ -328,6 +355,15 @@ mod tests {
         assert_eq!((bars.state().done(), bars.state().running.len()), (20, 0));
         let drawn = bars.drawn.as_ref().expect("the run has begun");
         assert_eq!((drawn.run.position(), drawn.nodes.len()), (20, 0));
+    }
+
+    #[test]
+    fn a_single_bar_follows_its_work() {
+        let mut bar = WorkBar::new("annotate", false);
+        bar.advance(0, 9);
+        assert_eq!((bar.0.bar.length(), bar.0.bar.position()), (Some(9), 0));
+        bar.advance(9, 9);
+        assert_eq!(bar.0.bar.position(), 9);
     }
 
     #[test]
