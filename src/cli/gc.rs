@@ -58,13 +58,13 @@ fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {
     line("temporary files", &planned.temporary)?;
     line("damaged files", &planned.damaged)?;
     line("files of older runs", &planned.runs)?;
+    line("cached pictures of reports", &planned.cache)?;
     let kept = if planned.kept_runs.is_empty() { "no run".to_owned() } else { planned.kept_runs.join(", ") };
     screen.line(format!("keeps {} files, {}, for {kept}", planned.kept.files, bytes(planned.kept.bytes)))
 }
 
 fn total(collected: &Collected) -> Freed {
-    let parts = [collected.objects, collected.recipes, collected.temporary, collected.damaged, collected.runs];
-    Freed { files: parts.iter().map(|part| part.files).sum(), bytes: parts.iter().map(|part| part.bytes).sum() }
+    Freed { files: collected.files(), bytes: collected.bytes() }
 }
 
 fn json(collected: &Collected, dry_run: bool) -> serde_json::Value {
@@ -76,6 +76,7 @@ fn json(collected: &Collected, dry_run: bool) -> serde_json::Value {
         "temporary": part(&collected.temporary),
         "damaged": part(&collected.damaged),
         "runs": part(&collected.runs),
+        "cache": part(&collected.cache),
         "kept": part(&collected.kept),
         "kept_runs": collected.kept_runs,
     })

@@ -28,6 +28,8 @@ pub struct Collected {
     pub damaged: Freed,
     /// Folders of runs that have no record.
     pub runs: Freed,
+    /// What only saves drawing it again: the folder `cache`.
+    pub cache: Freed,
     /// Links whose objects are freed.
     pub links: u64,
     /// Ids of the runs whose artifacts stay.
@@ -40,13 +42,15 @@ impl Collected {
     /// Returns the sum of everything freed, in bytes.
     #[must_use]
     pub const fn bytes(&self) -> u64 {
-        self.objects.bytes + self.recipes.bytes + self.temporary.bytes + self.damaged.bytes + self.runs.bytes
+        let Self { objects, recipes, temporary, damaged, runs, cache, .. } = self;
+        objects.bytes + recipes.bytes + temporary.bytes + damaged.bytes + runs.bytes + cache.bytes
     }
 
     /// Returns the number of all files freed.
     #[must_use]
     pub const fn files(&self) -> u64 {
-        self.objects.files + self.recipes.files + self.temporary.files + self.damaged.files + self.runs.files
+        let Self { objects, recipes, temporary, damaged, runs, cache, .. } = self;
+        objects.files + recipes.files + temporary.files + damaged.files + runs.files + cache.files
     }
 }
 
@@ -96,6 +100,7 @@ impl Store {
         for path in list(&self.root, &self.root.join("damaged"))? {
             self.collect_tree(&path, &mut collected.damaged, dry_run)?;
         }
+        self.collect_cache(&mut collected.cache, dry_run)?;
         self.collect_run_folders(&mut collected, dry_run)?;
         collected.links = self.remove_dangling_links(&|target| is_gone(target, &freed, &self.root), dry_run)?;
         if !dry_run {
@@ -186,6 +191,21 @@ impl Store {
             let changed = folder.metadata().and_then(|metadata| metadata.modified()).ok();
             if oldest_session.is_none_or(|oldest| changed.is_some_and(|changed| changed < oldest)) {
                 self.collect_tree(&folder, &mut collected.runs, dry_run)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Counts and removes the files of the cache; its folders stay for whoever is writing to them.
+    fn collect_cache(&self, freed: &mut Freed, dry_run: bool) -> Result<(), StoreError> {
+        for folder in list(&self.root, &self.root.join("cache"))? {
+            for path in list(&self.root, &folder)? {
+                // A report in the making may have moved it away.
+                let Ok(metadata) = path.symlink_metadata() else { continue };
+                match self.remove(&path, dry_run) {
+                    Err(_) if !path.exists() => {}
+                    other => other.map(|()| freed.add(metadata.len()))?,
+                }
             }
         }
         Ok(())
@@ -293,6 +313,17 @@ mod tests {
             assert_eq!(store.recall(key).expect("reads").is_some(), stays, "{name}");
         }
         assert_eq!(plan.kept_runs, ["other", "new", "kept"]);
+        assert_eq!(store.collect(false).expect("collects").files(), 0);
+    }
+
+    #[test]
+    fn the_cache_goes() {
+        let (folder, store) = store();
+        let cache = folder.path().join("cache/report");
+        fs::create_dir_all(&cache).expect("creates");
+        fs::write(cache.join("picture"), b"drawn").expect("writes");
+        assert_eq!(store.collect(true).expect("plans").cache, Freed { files: 1, bytes: 5 });
+        assert_eq!(store.collect(false).expect("collects").bytes(), 5);
         assert_eq!(store.collect(false).expect("collects").files(), 0);
     }
 
