@@ -1,0 +1,136 @@
+//! One value of every kind, small and without rotation, so that its bytes can be known.
+
+use std::collections::BTreeMap;
+
+use trodden::domain::geometry::{Cell, Frame, Grid, Point};
+use trodden::domain::map::OccupancyMap;
+use trodden::domain::quantize::{ClassCounts, Labels};
+use trodden::domain::raster::VisitCounts;
+use trodden::domain::score::{ClassScores, Confusion};
+use trodden::domain::social::{EpisodeCost, SocialCosts};
+use trodden::domain::tiles::Tiles;
+use trodden::domain::tracks::{Sample, Tracks, agent_id};
+use trodden::domain::unet::{Array, EpochMetrics, TrainState};
+use trodden::kinds::{Checkpoint, CheckpointConfig, Heat, NavEpisodes, NavSample, Placed};
+
+pub fn frame() -> Frame {
+    Frame { origin: Point::new(-1.5, 0.25), ..Frame::at_zero(0.1, 4, 5) }
+}
+
+pub fn map() -> OccupancyMap {
+    OccupancyMap::new(Grid::from_fn(4, 5, |c| c.row != 0 && c.col != 4), frame()).expect("free cells")
+}
+
+pub fn visits() -> Placed<VisitCounts> {
+    let counts = Grid::from_fn(4, 5, |c| if c.row != 0 && c.col != 4 { (c.row * 7 + c.col) as u32 } else { 0 });
+    Placed::new(frame(), VisitCounts { counts, paths: 40 })
+}
+
+pub fn labels() -> Placed<Labels> {
+    let classes = Grid::from_fn(4, 5, |c| if c.row == 0 { 0 } else { (c.row + c.col) as i8 % 5 - 1 });
+    Placed::new(frame(), Labels { classes, count: 3 })
+}
+
+pub fn heat() -> Placed<Heat> {
+    let part = |k: usize| Grid::from_fn(4, 5, |c: Cell| (c.row + 2 * c.col + k) as f32 / 64.0);
+    let classes = labels().value.classes;
+    Placed::new(frame(), Heat { heat: part(3), classes, probabilities: (0..4).map(part).collect() })
+}
+
+pub fn tiles() -> Tiles {
+    let cells = 3 * 64;
+    Tiles {
+        size: 8,
+        classes: 3,
+        maps: ["home_00", "home_01", "home_02"].map(str::to_owned).to_vec(),
+        origin: vec![(0, -8, 0), (0, 0, 8), (2, 16, -8)],
+        occupancy: (0..cells).map(|i| u8::from(i % 3 != 0)).collect(),
+        labels: (0..cells).map(|i| if i % 3 == 0 { 0 } else { (i % 5) as i8 - 1 }).collect(),
+        labeled_share: vec![0.5, 0.25, 1.0],
+    }
+}
+
+pub fn sample(episode: u32, agent: usize, frame: i64) -> Sample {
+    let t = frame as f64 * 0.125;
+    Sample {
+        episode,
+        id: agent_id(episode, agent),
+        frame,
+        position: Point::new(0.25 + t, 0.125 * agent as f64),
+        velocity: Point::new(1.25, -0.5),
+        path: (frame / 4) as u32,
+    }
+}
+
+pub fn tracks(episodes: std::ops::Range<u32>, agents: usize, frames: i64) -> Placed<Tracks> {
+    let ids = episodes.flat_map(|episode| (0..agents).map(move |agent| (episode, agent)));
+    let samples =
+        ids.flat_map(|(episode, agent)| (0..frames).map(move |frame| sample(episode, agent, frame))).collect();
+    Placed::new(frame(), Tracks { frame_rate: 10.0, samples })
+}
+
+pub fn trips() -> Placed<NavEpisodes> {
+    let samples = tracks(0..2, 3, 6).value.samples;
+    let samples = samples.into_iter().map(|sample| NavSample { sample, robot: sample.id % 1000 == 0 }).collect();
+    Placed::new(frame(), NavEpisodes { frame_rate: 10.0, samples })
+}
+
+pub fn scores() -> ClassScores {
+    ClassScores {
+        confusion: Confusion::from_counts(Grid::from_vec(2, 3, vec![1, 30, 4, 0, 2, 9])),
+        weights: vec![0.125, 0.375, 0.5],
+        spearman_visits: Some(0.625),
+        spearman_classes: Some(0.5),
+        auc: Some(0.75),
+        auc_farther_from_walls: None,
+    }
+}
+
+pub fn costs() -> SocialCosts {
+    let episode = |i: u32| EpisodeCost {
+        episode: i,
+        truth: f64::from(i) * 0.5,
+        prediction: 3.0 - f64::from(i),
+        truth_rank: f64::from(i + 1),
+        prediction_rank: 3.0 - f64::from(i),
+        offset: (2.0 - 2.0 * f64::from(i)).abs() / 4.0,
+    };
+    SocialCosts {
+        episodes: (0..3).map(episode).collect(),
+        within_quarter: 0.25,
+        chance: 0.5,
+        chance_at_least: 0.125,
+        spearman: Some(-1.0),
+        kendall: None,
+    }
+}
+
+pub fn checkpoint() -> Checkpoint {
+    let array = |shape: &[usize], from: f32| {
+        let count = shape.iter().product::<usize>();
+        Array { shape: shape.to_vec(), values: (0..count).map(|i| from + i as f32 / 8.0).collect() }
+    };
+    let named = |list: Vec<(&str, Array)>| list.into_iter().map(|(n, a)| (n.to_owned(), a)).collect::<BTreeMap<_, _>>();
+    let metrics = |epoch: u32| EpochMetrics {
+        epoch,
+        loss: 1.0 / f64::from(epoch),
+        accuracy: 0.5,
+        mean_recall: 0.25,
+        recall: vec![0.75, 0.25, 0.125, 0.0],
+        samples: 64,
+    };
+    Checkpoint {
+        config: CheckpointConfig {
+            window: 64,
+            batch: 32,
+            learning_rate: 0.001,
+            counts: ClassCounts { obstacle: 3001, classes: vec![825, 141, 37], unlabeled: 17 },
+        },
+        state: TrainState {
+            epoch: 2,
+            model: named(vec![("head.weight", array(&[4, 2, 1, 1], -0.5)), ("head.bias", array(&[4], 0.0))]),
+            optimizer: named(vec![("head.bias.exp_avg", array(&[4], 1.0)), ("step", array(&[1], 128.0))]),
+        },
+        metrics: vec![metrics(1), metrics(2)],
+    }
+}
