@@ -62,6 +62,15 @@ fn benches(criterion: &mut Criterion) {
                 bencher.iter(|| pool.install(|| network.predict(&windows, SIZE, SIZE, BATCH, &mut out)));
             });
         }
+        // As many windows above each other, 8 cells apart; on the thread that calls.
+        let (network, column) = (network(&batch, &compute), &windows[..(SIZE + 8 * (BATCH - 1)) * SIZE]);
+        let tops: Vec<usize> = (0..BATCH).map(|window| 8 * window).collect();
+        group.bench_function(format!("column/{simd}/1"), |bencher| {
+            let mut see = |_: usize, window: &[f32]| {
+                std::hint::black_box(window);
+            };
+            bencher.iter(|| network.predict_windows(column, SIZE, &tops, &mut see));
+        });
     }
 }
 

@@ -185,6 +185,28 @@ fn windows_and_the_whole_map_agree_on_inner_cells() {
     }
 }
 
+/// What windows of a column share does not change a bit of them, wherever they begin and however large they are.
+#[test]
+fn windows_of_a_column_are_predicted_as_by_themselves() {
+    let mut stream = Stream::new(6, &[0; 32], 0, "test/column");
+    for compute in computes() {
+        let network = trained(&compute);
+        for (size, tops) in [(40, &[0, 8][..]), (48, &[0, 8, 24]), (64, &[8, 0, 40, 48]), (64, &[0]), (72, &[0, 16])] {
+            let rows = size + 56;
+            let column: Vec<u8> = (0..rows * size).map(|_| u8::from(stream.unit() > 0.3)).collect();
+            let mut seen = Vec::new();
+            network.predict_windows(&column, size, tops, &mut |number, window| {
+                let top = tops[number];
+                let expected = network.probabilities(&column[top * size..(top + size) * size], size, 1);
+                let different = window.iter().zip(&expected).position(|(a, b)| a.to_bits() != b.to_bits());
+                assert_eq!(different.map(|at| at / size / 4), None, "{compute}: the row, in {size} from {top} on");
+                seen.push(number);
+            });
+            assert_eq!(seen, (0..tops.len()).collect::<Vec<_>>());
+        }
+    }
+}
+
 /// A map larger than a block of dense mode gets the heat that one image of all of it would.
 #[test]
 fn dense_mode_is_one_image_of_the_whole_map() {
@@ -195,9 +217,7 @@ fn dense_mode_is_one_image_of_the_whole_map() {
     let free = Grid::from_fn(rows, cols, |_| stream.unit() > 0.3);
     let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
     let config = AnnotateConfig { mode: Mode::Dense, offsets: 1, ..AnnotateConfig::default() };
-    let mut predict = |images: &[u8], rows, cols, n, out: &mut [f32]| network.predict(images, rows, cols, n, out);
-    let annotation =
-        annotate(&map, 64, 3, &config, &mut predict, &mut |_, _| ControlFlow::Continue(())).expect("in range");
+    let annotation = annotate(&map, 64, 3, &config, &network, &mut |_, _| ControlFlow::Continue(())).expect("in range");
     let (margin, height, width) = (64, 144, 552);
     let image: Vec<u8> = (0..height * width)
         .map(|i| u8::from(map.is_free((i / width) as isize - margin, (i % width) as isize - margin)))
@@ -223,8 +243,7 @@ fn central_cells_do_not_need_their_windows() {
     let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
     for stride in [9, 20] {
         let config = AnnotateConfig { stride, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
-        let mut predict = |images: &[u8], rows, cols, n, out: &mut [f32]| network.predict(images, rows, cols, n, out);
-        let annotation = annotate(&map, size, 3, &config, &mut predict, &mut |_, _| ControlFlow::Continue(()));
+        let annotation = annotate(&map, size, 3, &config, &network, &mut |_, _| ControlFlow::Continue(()));
         let annotation = annotation.expect("in range");
         let (stride, from) = (stride as isize, (size - stride as usize).div_ceil(2) as isize);
         for (band, bar) in (-8..8).flat_map(|band| (-8..8).map(move |bar| (band * stride, bar * stride))) {

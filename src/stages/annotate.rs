@@ -24,7 +24,7 @@ pub struct Annotate(AnnotateConfig);
 impl Definition for Annotate {
     const SPEC: StageSpec = StageSpec {
         name: "annotate",
-        version: 1,
+        version: 2,
         ports: &[
             Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to annotate." },
             Port { name: "model", kind: "Checkpoint", arity: Arity::One, doc: "The trained network." },
@@ -79,11 +79,8 @@ pub fn heat(
 ) -> Result<Heat, StageError> {
     let classes = usize::from(checkpoint.config.classes());
     let network = Network::new(classes, &checkpoint.state.model, compute).map_err(StageError::failed)?;
-    let mut predict = |images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]| {
-        network.predict(images, rows, cols, n, out)
-    };
     let window = checkpoint.config.window as usize;
-    let annotation = annotate(map, window, classes, config, &mut predict, progress).map_err(|error| match error {
+    let annotation = annotate(map, window, classes, config, &network, progress).map_err(|error| match error {
         AnnotateError::Cancelled => StageError::Cancelled,
         error => StageError::failed(error),
     })?;

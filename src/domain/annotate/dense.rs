@@ -81,7 +81,7 @@ pub(super) fn means(
     free: &Grid<bool>,
     classes: usize,
     passes: &Passes,
-    predict: &mut Predict<'_>,
+    predict: &dyn Predict,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<f32>, AnnotateError> {
     let width = classes + 1;
@@ -107,7 +107,7 @@ pub(super) fn means(
                     *value = u8::from(cell == Some(&true));
                 }
             });
-            predict(&images, rows, cols, batch.len(), &mut predicted);
+            predict.images(&images, rows, cols, batch.len(), &mut predicted);
             sums.par_chunks_exact_mut(bar.len() * width).enumerate().for_each(|(row, sums)| {
                 for (image, &(down, right)) in predicted.chunks_exact(rows * cols * width).zip(batch) {
                     let line = &image[((MARGIN + down + row) * cols + MARGIN + right) * width..];

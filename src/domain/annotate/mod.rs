@@ -7,8 +7,12 @@
 //! input three times, so the mean runs over some of these 64 offsets. Where only the middle of each window counts (one of
 //! the paper's ablations), exact mode gives the same numbers by such passes, and takes them.
 //!
-//! The network itself is a function that is passed in, [`Predict`].
+//! Otherwise exact mode takes windows column by column where they lie close enough (`columns`), as windows above each
+//! other share most of their feature maps, and else one by one.
+//!
+//! The network is whatever can [`Predict`].
 
+mod columns;
 mod dense;
 mod windows;
 
@@ -19,11 +23,38 @@ use serde::{Deserialize, Serialize};
 
 use super::geometry::Grid;
 use super::map::OccupancyMap;
-use super::unet::DeviceName;
+use super::unet::{DeviceName, Network};
 
-/// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols]: the arguments are the
-/// images, `rows`, `cols`, `n` and the probabilities to be written, shape [n, rows, cols, C + 1], class 0 the obstacle.
-pub type Predict<'a> = dyn FnMut(&[u8], usize, usize, usize, &mut [f32]) + 'a;
+/// What can tell the probabilities of classes in cells: a network.
+pub trait Predict: Sync {
+    /// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols], on all threads.
+    ///
+    /// `out` gets the probabilities, shape [n, rows, cols, C + 1], class 0 the obstacle.
+    fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]);
+
+    /// Returns whether windows of `size`² cells cost less in [columns](Self::columns) than as images.
+    fn shares_columns(&self, size: usize) -> bool;
+
+    /// Predicts the windows that begin at the rows `tops`, multiples of 8, of a column of cells that is as wide as they
+    /// are, on the thread that calls.
+    ///
+    /// `each` gets the number of a window and the probabilities that [`images`](Self::images) would give of it.
+    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32]));
+}
+
+impl Predict for Network {
+    fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
+        self.predict(images, rows, cols, n, out);
+    }
+
+    fn shares_columns(&self, size: usize) -> bool {
+        self.shares_columns(size)
+    }
+
+    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32])) {
+        self.predict_windows(column, size, tops, each);
+    }
+}
 
 /// Hears how many of all images are done; [`ControlFlow::Break`] ends the work.
 pub type Progress<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
@@ -167,7 +198,7 @@ pub fn annotate(
     window: usize,
     classes: usize,
     config: &AnnotateConfig,
-    predict: &mut Predict<'_>,
+    predict: &dyn Predict,
     progress: &mut Progress<'_>,
 ) -> Result<Annotation, AnnotateError> {
     config.check_with(window)?;
@@ -177,6 +208,9 @@ pub fn annotate(
             let slide = windows::Slide::new(window, config);
             match slide.as_passes(free) {
                 Some(passes) => dense::means(free, classes, &passes, predict, progress)?,
+                None if slide.is_close() && predict.shares_columns(window) => {
+                    columns::means(free, classes, &slide, predict, progress)?
+                }
                 None => windows::means(free, classes, &slide, predict, progress)?,
             }
         }

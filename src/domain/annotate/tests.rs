@@ -1,3 +1,5 @@
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
+
 use super::*;
 use crate::domain::geometry::{Cell, Frame};
 use crate::domain::random::Stream;
@@ -19,6 +21,37 @@ fn synthetic(images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32])
     }
 }
 
+/// Predicts by [`synthetic`] and counts the images.
+#[derive(Default)]
+struct Synthetic {
+    shares_columns: bool,
+    images: AtomicUsize,
+    rows: AtomicUsize,
+    windows: AtomicUsize,
+}
+
+impl Predict for Synthetic {
+    fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
+        self.images.fetch_add(n, Relaxed);
+        self.rows.store(rows, Relaxed);
+        synthetic(images, rows, cols, n, out);
+    }
+
+    fn shares_columns(&self, _: usize) -> bool {
+        self.shares_columns
+    }
+
+    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32])) {
+        for (number, top) in tops.iter().enumerate() {
+            assert!(top % 8 == 0);
+            let mut out = vec![0.0; size * size * 4];
+            synthetic(&column[top * size..(top + size) * size], size, size, 1, &mut out);
+            self.windows.fetch_add(1, Relaxed);
+            each(number, &out);
+        }
+    }
+}
+
 fn maps() -> [OccupancyMap; 3] {
     let map = |rows, cols, density: f64| {
         let mut stream = Stream::new(5, &[0; 32], rows as u64, "annotate");
@@ -29,7 +62,7 @@ fn maps() -> [OccupancyMap; 3] {
 }
 
 fn run(map: &OccupancyMap, window: usize, config: &AnnotateConfig) -> Annotation {
-    annotate(map, window, 3, config, &mut synthetic, &mut |_, _| ControlFlow::Continue(())).expect("in range")
+    annotate(map, window, 3, config, &Synthetic::default(), &mut |_, _| ControlFlow::Continue(())).expect("in range")
 }
 
 /// Algorithm 1 read aloud: for each cell, every placement, one window at a time.
@@ -74,6 +107,19 @@ fn algorithm_1_agrees_with_a_direct_computation() {
     }
 }
 
+/// Windows that lie close are taken column by column, if that is worth something.
+#[test]
+fn columns_agree_with_a_direct_computation() {
+    for (map, stride, in_columns) in [(0, 4, true), (1, 1, true), (2, 3, false), (2, 8, true)] {
+        let map = &maps()[map];
+        let config = AnnotateConfig { stride: stride as u32, ..AnnotateConfig::default() };
+        let predict = Synthetic { shares_columns: true, ..Synthetic::default() };
+        let found = annotate(map, 24, 3, &config, &predict, &mut |_, _| ControlFlow::Continue(())).expect("in range");
+        assert_close(&found.heat, &slow(map, 24, stride, |_, _| true));
+        assert_eq!((predict.windows.into_inner() > 0, predict.images.into_inner() == 0), (in_columns, in_columns));
+    }
+}
+
 #[test]
 fn ablations_agree_with_a_direct_computation() {
     for map in &maps() {
@@ -96,14 +142,11 @@ fn central_cells_agree_with_a_direct_computation() {
         let config = AnnotateConfig { stride, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
         let from = (64 - stride as usize).div_ceil(2);
         let center = |i: usize| (from..from + stride as usize).contains(&i);
-        let (mut images, mut size) = (0, 0);
-        let mut predict = |windows: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]| {
-            (images, size) = (images + n, rows);
-            synthetic(windows, rows, cols, n, out);
-        };
-        let found = annotate(map, 64, 3, &config, &mut predict, &mut |_, _| ControlFlow::Continue(()));
+        let predict = Synthetic::default();
+        let found = annotate(map, 64, 3, &config, &predict, &mut |_, _| ControlFlow::Continue(()));
         assert_close(&found.expect("in range").heat, &slow(map, 64, stride as usize, |r, c| center(r) && center(c)));
-        assert_eq!((size != 64).then_some(images), expected, "{stride}");
+        let (images, rows) = (predict.images.into_inner(), predict.rows.into_inner());
+        assert_eq!((rows != 64).then_some(images), expected, "{stride}");
     }
 }
 
@@ -172,7 +215,10 @@ fn parameters_out_of_range_are_named() {
 
 #[test]
 fn progress_may_end_the_work() {
-    let result =
-        annotate(&maps()[0], 8, 3, &AnnotateConfig::default(), &mut synthetic, &mut |_, _| ControlFlow::Break(()));
-    assert_eq!(result, Err(AnnotateError::Cancelled));
+    for shares_columns in [false, true] {
+        let predict = Synthetic { shares_columns, ..Synthetic::default() };
+        let config = AnnotateConfig { stride: 8, ..AnnotateConfig::default() };
+        let result = annotate(&maps()[0], 24, 3, &config, &predict, &mut |_, _| ControlFlow::Break(()));
+        assert_eq!(result, Err(AnnotateError::Cancelled));
+    }
 }

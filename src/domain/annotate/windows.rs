@@ -1,4 +1,4 @@
-//! Exact mode: windows that slide over the map.
+//! Exact mode: windows that slide over the map, one by one.
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
@@ -8,22 +8,16 @@ use rayon::prelude::*;
 use super::dense::Passes;
 use super::{AnnotateConfig, AnnotateError, Overlap, Predict, Progress};
 use crate::domain::geometry::Grid;
+use crate::domain::unet::layers::EDGE;
 
 /// Windows that are predicted at once.
 const BATCH: usize = 64;
-
-/// So many cells from its edge, a window's prediction may depend on where the edge is.
-///
-/// The zeros around each feature map reach one pixel further with every 3×3 convolution. Down the network that is 1 pixel
-/// of full resolution, 2 of half (one of them by pooling), 2 of a quarter and 2 of an eighth; up again 4 + 1 of a
-/// quarter, 10 + 1 of half and, the head having one tap, 22 of full resolution.
-const EDGE: usize = 22;
 
 /// Where the windows lie and which of their cells count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Slide {
     /// Edge of a window in cells.
-    size: usize,
+    pub(super) size: usize,
     /// Distance between neighboring windows in cells.
     stride: usize,
     /// First row and column of a window that counts.
@@ -56,11 +50,18 @@ impl Slide {
         Some(Passes::as_in_windows([starts(free.rows()), starts(free.cols())]))
     }
 
+    /// Returns whether all cells of the windows count, and the next one at the same offset modulo 8 overlaps most of a
+    /// window: what both see of a column is then worth sharing.
+    pub(super) fn is_close(&self) -> bool {
+        let apart = (1..=8).map(|n| n * self.stride).find(|apart| apart % 8 == 0).expect("eight strides are");
+        self.count == self.size && 5 * apart <= 2 * self.size
+    }
+
     /// Returns the top left cells, by row and column, of all windows on the grid that contain a free cell.
     ///
     /// They lie on multiples of the stride, also before the first row and column, so that each cell of the map is
     /// covered equally often.
-    fn places(&self, free: &Grid<bool>) -> Vec<(isize, isize)> {
+    pub(super) fn places(&self, free: &Grid<bool>) -> Vec<(isize, isize)> {
         let first = -(((self.size - 1) / self.stride * self.stride) as isize);
         let starts = |length: usize| (first..length as isize).step_by(self.stride);
         let mut places = Vec::new();
@@ -102,7 +103,7 @@ pub(super) fn means(
     free: &Grid<bool>,
     classes: usize,
     slide: &Slide,
-    predict: &mut Predict<'_>,
+    predict: &dyn Predict,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<f32>, AnnotateError> {
     let (size, width) = (slide.size, classes + 1);
@@ -114,7 +115,7 @@ pub(super) fn means(
         let windows = &mut windows[..batch.len() * size * size];
         let predicted = &mut predicted[..windows.len() * width];
         windows.par_chunks_exact_mut(size * size).zip(batch).for_each(|(w, place)| slide.cut(free, *place, w));
-        predict(windows, size, size, batch.len(), predicted);
+        predict.images(windows, size, size, batch.len(), predicted);
 
         let first = batch[0].0.max(0) as usize;
         while means.len() < first * free.cols() * width {

@@ -10,6 +10,13 @@ use std::ops::Range;
 
 use super::UnetError;
 
+/// So many cells from the edge of an image, its prediction may depend on where the edge is.
+///
+/// The zeros around each feature map reach one pixel further with every 3×3 convolution. Down the network that is 1 pixel
+/// of full resolution, 2 of half (one of them by pooling), 2 of a quarter and 2 of an eighth; up again 4 + 1 of a
+/// quarter, 10 + 1 of half and, the head having one tap, 22 of full resolution.
+pub const EDGE: usize = 22;
+
 /// Values with a shape, in row-major order.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Array {

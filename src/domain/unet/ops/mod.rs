@@ -3,7 +3,7 @@
 //! burn sees one operation, [`UnetLoss`]: from the parameters to the loss of a batch. It computes the gradients on the
 //! way, image by image, so that no feature map outlives its image; the backward step hands them over.
 //!
-//! - [`pass`]: the network on one image, forward and back;
+//! - [`pass`]: the network on one image, forward and back; [`column`]: on windows that share most of it;
 //! - [`parameters`]: the parameters as the kernels read them, and the sums of their gradients;
 //! - [`image`]: feature maps in memory; [`lanes`]: registers of each instruction set;
 //! - [`convolution`], [`correlation`]: the two kernels that take nearly all of the time, the only ones in intrinsics;
@@ -11,6 +11,7 @@
 //!
 //! Each function that computes takes the instruction set and runs the copy of its loops that was compiled for it.
 
+mod column;
 mod convolution;
 mod correlation;
 mod image;
@@ -132,6 +133,18 @@ impl Predictor {
         images.par_chunks_exact(cells).zip(out).for_each(|(image, out)| {
             self.workspaces.with(|workspace| workspace.predict(self.simd, &self.parameters, (image, rows, cols), out));
         });
+    }
+
+    /// Predicts windows of `size`² cells of a column, on the thread that calls; see [`Workspace::windows`].
+    pub(super) fn predict_windows(
+        &self,
+        column: &[u8],
+        size: usize,
+        tops: &[usize],
+        each: &mut dyn FnMut(usize, &[f32]),
+    ) {
+        let image = (column, column.len() / size, size);
+        self.workspaces.with(|workspace| workspace.windows(self.simd, &self.parameters, image, tops, each));
     }
 }
 

@@ -3,26 +3,41 @@
 //! An image goes through all layers before the next one does, so that what one layer writes is still in the cache when
 //! the next one reads it, and a batch needs no more memory than one image for each thread.
 
+use std::ops::Range;
+
 use super::Simd;
+use super::column::Columns;
 use super::convolution::{Then, convolve};
 use super::correlation::{Correlation, correlate};
-use super::image::{Image, PHASES, Source};
+use super::image::{Image, PHASES, Source, rows_of};
 use super::parameters::{Gradients, Parameters};
 use super::pooling::{add_pixels, halve, sum_halve, unfold, unhalve};
 use super::softmax::{self, Labeled};
-use crate::domain::unet::layers::{Layer, Layers};
+use crate::domain::unet::layers::{EDGE, Layer, Layers};
+
+/// How many rows of each feature map depend on where an edge of the image is; see [`Workspace::layers`].
+pub(super) struct Reach {
+    pub(super) levels: [usize; 3],
+    pub(super) halved: usize,
+    pub(super) bottom: usize,
+    pub(super) up3: usize,
+    pub(super) up2: usize,
+}
+
+/// Down: a level's row, half of it (that is one row), and one more by the next convolution. Up: twice the rows, and one.
+pub(super) const REACH: Reach = Reach { levels: [1, 2, 2], halved: 1, bottom: 2, up3: 5, up2: 11 };
 
 /// The feature maps of one image and their gradients; buffers that are used again for the next image.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Workspace {
     /// The nine cells around each cell.
-    patches: Image,
+    pub(super) patches: Image,
     /// After the encoders, at full, half and quarter resolution; and each of them halved.
-    levels: [Image; 3],
-    halved: [Image; 3],
+    pub(super) levels: [Image; 3],
+    pub(super) halved: [Image; 3],
     /// After the bottleneck, decoder 3 and decoder 2.
-    bottom: Image,
-    up3: Image,
+    pub(super) bottom: Image,
+    pub(super) up3: Image,
     up2: Image,
     /// Logits, later their gradient; channels beyond the classes are padding.
     logits: Image,
@@ -34,6 +49,8 @@ pub(super) struct Workspace {
     up2_gradient: Image,
     /// Gradient of the logits, summed up over two by two pixels.
     logits_halved: Image,
+    /// For windows of a column.
+    pub(super) columns: Columns,
 }
 
 impl Workspace {
@@ -46,7 +63,12 @@ impl Workspace {
         out: &mut [f32],
     ) {
         self.forward(simd, parameters, image);
-        softmax::probabilities(simd, &self.logits, parameters.layers.head.outputs, out);
+        self.probabilities(simd, parameters, 0, out);
+    }
+
+    /// Writes the probabilities of the logits from row `first` on, as many rows as `out` takes.
+    pub(super) fn probabilities(&self, simd: Simd, parameters: &Parameters, first: usize, out: &mut [f32]) {
+        softmax::probabilities(simd, &self.logits, first, parameters.layers.head.outputs, out);
     }
 
     /// Adds the loss of an image and its gradients to those of its shard.
@@ -65,28 +87,51 @@ impl Workspace {
 
     /// Computes the logits of an image of `rows` × `cols` cells.
     pub(super) fn forward(&mut self, simd: Simd, parameters: &Parameters, image: (&[u8], usize, usize)) {
-        let Layers { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, .. } = &parameters.layers;
         let (occupancy, rows, cols) = image;
         unfold(occupancy, rows, cols, &mut self.patches);
+        let Layers { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, .. } = &parameters.layers;
+        let outputs = [encoder1, encoder2, encoder3].map(|layer| layer.outputs);
+        for (depth, (outputs, (level, halved))) in
+            outputs.into_iter().zip(self.levels.iter_mut().zip(&mut self.halved)).enumerate()
+        {
+            level.resize(rows >> depth, cols >> depth, outputs);
+            halved.resize(rows >> (depth + 1), cols >> (depth + 1), outputs);
+        }
+        self.bottom.resize(rows >> 3, cols >> 3, bottleneck.outputs);
+        self.up3.resize(rows >> 2, cols >> 2, decoder3.outputs);
+        self.up2.resize(rows >> 1, cols >> 1, decoder2.outputs);
+        self.logits.resize(rows, cols, parameters.head_outputs());
+        self.layers(simd, parameters, |depth, _| 0..rows >> depth);
+    }
+
+    /// Computes rows of all feature maps and of the logits, from the patches of the cells.
+    ///
+    /// `rows` says which: its arguments are the depth of a map, of resolution 1/2^depth, and how many of the map's rows
+    /// depend on where an edge of the image is. That is the row which saw the zeros beyond the edge, and one more with
+    /// every convolution; it halves and doubles with the resolution.
+    pub(super) fn layers(&mut self, simd: Simd, parameters: &Parameters, rows: impl Fn(usize, usize) -> Range<usize>) {
+        let Layers { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, .. } = &parameters.layers;
         let [level1, level2, level3] = &mut self.levels;
         let [halved1, halved2, halved3] = &mut self.halved;
-        level1.resize(rows, cols, encoder1.outputs);
-        let source = (self.patches.pixels(), parameters.first());
-        convolve(simd, &[source], parameters.bias(encoder1), Then::Relu, &mut level1.target());
-        halve(simd, level1, halved1);
-        encode(simd, parameters, encoder2, halved1, level2);
-        halve(simd, level2, halved2);
-        encode(simd, parameters, encoder3, halved2, level3);
-        halve(simd, level3, halved3);
-        encode(simd, parameters, bottleneck, halved3, &mut self.bottom);
-        decode(simd, parameters, decoder3, &self.bottom, level3, &mut self.up3);
-        decode(simd, parameters, decoder2, &self.up3, level2, &mut self.up2);
+        let first = rows(0, REACH.levels[0]);
+        let source = (self.patches.pixels().from_row(first.start), parameters.first());
+        convolve(simd, &[source], parameters.bias(encoder1), Then::Relu, &mut level1.target().only(first));
+        halve(simd, level1, halved1, rows(1, REACH.halved));
+        encode(simd, parameters, encoder2, halved1, level2, rows(1, REACH.levels[1]));
+        halve(simd, level2, halved2, rows(2, REACH.halved));
+        encode(simd, parameters, encoder3, halved2, level3, rows(2, REACH.levels[2]));
+        halve(simd, level3, halved3, rows(3, REACH.halved));
+        encode(simd, parameters, bottleneck, halved3, &mut self.bottom, rows(3, REACH.bottom));
+        decode(simd, parameters, decoder3, &self.bottom, level3, &mut self.up3, &rows(2, REACH.up3));
+        decode(simd, parameters, decoder2, &self.up3, level2, &mut self.up2, &rows(1, REACH.up2));
 
-        self.logits.resize(rows, cols, parameters.head_outputs());
         let ((small_weights, bias), (weights, _)) = (parameters.head(0), parameters.head(1));
+        let last = rows(0, EDGE);
         for phase in PHASES {
-            let sources = [(self.up2.pixels(), small_weights), (level1.pixels_of(phase), weights)];
-            convolve(simd, &sources, bias, Then::Nothing, &mut self.logits.target_of(phase));
+            let rows = rows_of(&last, phase);
+            let small = (self.up2.pixels().from_row(rows.start), small_weights);
+            let skipped = (level1.pixels_of(phase).from_row(rows.start), weights);
+            convolve(simd, &[small, skipped], bias, Then::Nothing, &mut self.logits.target_of(phase).only(rows));
         }
     }
 
@@ -132,21 +177,28 @@ impl Workspace {
     }
 }
 
-/// Applies an encoder or the bottleneck: convolution, bias, ReLU.
-fn encode(simd: Simd, parameters: &Parameters, layer: &Layer, input: &Image, output: &mut Image) {
-    output.resize(input.rows, input.cols, layer.outputs);
-    let source = (input.neighbors(), parameters.weights(layer, 0));
-    convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target());
+/// Computes rows of an encoder or the bottleneck: convolution, bias, ReLU.
+fn encode(simd: Simd, parameters: &Parameters, layer: &Layer, input: &Image, output: &mut Image, rows: Range<usize>) {
+    let source = (input.neighbors().from_row(rows.start), parameters.weights(layer, 0));
+    convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target().only(rows));
 }
 
-/// Applies a decoder to the `small` image, doubled, beside the one that `skipped` the levels below.
-fn decode(simd: Simd, parameters: &Parameters, layer: &Layer, small: &Image, skipped: &Image, output: &mut Image) {
-    output.resize(skipped.rows, skipped.cols, layer.outputs);
+/// Computes rows of a decoder of the `small` image, doubled, beside the one that `skipped` the levels below.
+fn decode(
+    simd: Simd,
+    parameters: &Parameters,
+    layer: &Layer,
+    small: &Image,
+    skipped: &Image,
+    output: &mut Image,
+    rows: &Range<usize>,
+) {
     let weights = parameters.weights(layer, small.channels);
     for phase in PHASES {
-        let sources =
-            [(small.doubled(phase), parameters.doubled(layer, phase)), (skipped.neighbors_of(phase), weights)];
-        convolve(simd, &sources, parameters.bias(layer), Then::Relu, &mut output.target_of(phase));
+        let rows = rows_of(rows, phase);
+        let below = (small.doubled(phase).from_row(rows.start), parameters.doubled(layer, phase));
+        let beside = (skipped.neighbors_of(phase).from_row(rows.start), weights);
+        convolve(simd, &[below, beside], parameters.bias(layer), Then::Relu, &mut output.target_of(phase).only(rows));
     }
 }
 

@@ -1,21 +1,22 @@
 //! Max pooling, its gradient, and the small sums around the convolutions: plain Rust, compiled for each instruction set.
 
+use std::ops::Range;
+
 use super::image::{Image, PHASES};
 use super::{Simd, dispatch};
 
 /// Pixels are handled in blocks of so many channels, to which the compiler gives registers.
 const CHANNELS: usize = 16;
 
-/// Halves an image: the maximum of two by two pixels, channel by channel.
-pub(super) fn halve(simd: Simd, image: &Image, halved: &mut Image) {
-    halved.resize(image.rows / 2, image.cols / 2, image.channels);
-    dispatch!(simd, plain halve_rows(image: &Image, halved: &mut Image));
+/// Computes some rows of a halved image: the maximum of two by two pixels, channel by channel.
+pub(super) fn halve(simd: Simd, image: &Image, halved: &mut Image, rows: Range<usize>) {
+    dispatch!(simd, plain halve_rows(image: &Image, halved: &mut Image, rows: Range<usize>));
 }
 
 #[inline(always)]
-fn halve_rows(image: &Image, halved: &mut Image) {
+fn halve_rows(image: &Image, halved: &mut Image, rows: Range<usize>) {
     let channels = image.channels;
-    for row in 0..halved.rows {
+    for row in rows {
         let (upper, lower) = (image.row(2 * row), image.row(2 * row + 1));
         let pairs = upper.chunks_exact(2 * channels).zip(lower.chunks_exact(2 * channels));
         for (out, (upper, lower)) in halved.row_mut(row).chunks_exact_mut(channels).zip(pairs) {

@@ -113,7 +113,8 @@ fn pooling_takes_the_maximum_and_gives_the_gradient_to_the_first() {
         image.row_mut(0)[0] = 5.0;
         image.row_mut(1)[16] = 5.0;
         let mut halved = Image::default();
-        halve(simd, &image, &mut halved);
+        halved.resize(2, 3, 16);
+        halve(simd, &image, &mut halved, 0..2);
         let (halved_gradient, before) = (random_image(2, 3, 16, 2), random_image(4, 6, 16, 3));
         let mut gradient = before.clone();
         unhalve(simd, &image, &halved, &halved_gradient, &mut gradient);
