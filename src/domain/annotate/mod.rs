@@ -10,6 +10,11 @@
 //! Otherwise exact mode takes windows column by column where they lie close enough (`columns`), as windows above each
 //! other share most of their feature maps, and else one by one.
 //!
+//! Held against visits on six generated maps (`pipelines/estimators.yaml`), dense mode over all 64 offsets is at least as
+//! good as exact mode at stride 1 in a twenty-fifth of the time (means of Spearman's rank correlation 0.657 and 0.617, of
+//! AUC 0.896 and 0.895, of mean recall 0.554 and 0.555); with fewer offsets it is faster still, and a little worse (16:
+//! 0.631, 0.887, 0.543). So it is what `trodden annotate` does, and pipelines that want the paper's get exact mode.
+//!
 //! The network is whatever can [`Predict`].
 
 mod columns;
@@ -120,7 +125,7 @@ impl Default for AnnotateConfig {
             mode: Mode::default(),
             stride: 4,
             overlap: Overlap::default(),
-            offsets: 16,
+            offsets: 64,
             normalize: Normalize::default(),
             device: DeviceName::default(),
         }

@@ -43,7 +43,7 @@ impl Source<'_> {
     }
 
     /// Leaves out the rows of the grid above `row`.
-    pub(super) fn from_row(self, row: usize) -> Self {
+    pub(super) fn starting_at(self, row: usize) -> Self {
         Self { data: &self.data[row * self.row..], ..self }
     }
 }

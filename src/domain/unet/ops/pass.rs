@@ -114,7 +114,7 @@ impl Workspace {
         let [level1, level2, level3] = &mut self.levels;
         let [halved1, halved2, halved3] = &mut self.halved;
         let first = rows(0, REACH.levels[0]);
-        let source = (self.patches.pixels().from_row(first.start), parameters.first());
+        let source = (self.patches.pixels().starting_at(first.start), parameters.first());
         convolve(simd, &[source], parameters.bias(encoder1), Then::Relu, &mut level1.target().only(first));
         halve(simd, level1, halved1, rows(1, REACH.halved));
         encode(simd, parameters, encoder2, halved1, level2, rows(1, REACH.levels[1]));
@@ -129,8 +129,8 @@ impl Workspace {
         let last = rows(0, EDGE);
         for phase in PHASES {
             let rows = rows_of(&last, phase);
-            let small = (self.up2.pixels().from_row(rows.start), small_weights);
-            let skipped = (level1.pixels_of(phase).from_row(rows.start), weights);
+            let small = (self.up2.pixels().starting_at(rows.start), small_weights);
+            let skipped = (level1.pixels_of(phase).starting_at(rows.start), weights);
             convolve(simd, &[small, skipped], bias, Then::Nothing, &mut self.logits.target_of(phase).only(rows));
         }
     }
@@ -179,7 +179,7 @@ impl Workspace {
 
 /// Computes rows of an encoder or the bottleneck: convolution, bias, ReLU.
 fn encode(simd: Simd, parameters: &Parameters, layer: &Layer, input: &Image, output: &mut Image, rows: Range<usize>) {
-    let source = (input.neighbors().from_row(rows.start), parameters.weights(layer, 0));
+    let source = (input.neighbors().starting_at(rows.start), parameters.weights(layer, 0));
     convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target().only(rows));
 }
 
@@ -196,8 +196,8 @@ fn decode(
     let weights = parameters.weights(layer, small.channels);
     for phase in PHASES {
         let rows = rows_of(rows, phase);
-        let below = (small.doubled(phase).from_row(rows.start), parameters.doubled(layer, phase));
-        let beside = (skipped.neighbors_of(phase).from_row(rows.start), weights);
+        let below = (small.doubled(phase).starting_at(rows.start), parameters.doubled(layer, phase));
+        let beside = (skipped.neighbors_of(phase).starting_at(rows.start), weights);
         convolve(simd, &[below, beside], parameters.bias(layer), Then::Relu, &mut output.target_of(phase).only(rows));
     }
 }
