@@ -6,24 +6,18 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use super::windows::Slide;
-use super::{AnnotateError, Predict, Progress};
+use super::{AnnotateError, PERIOD, Predict, Progress};
 use crate::domain::geometry::Grid;
 
-/// The network halves its input three times: windows share feature maps if they lie so many rows apart, or a multiple.
-const PERIOD: isize = 8;
 /// Windows that share their feature maps at most: that bounds the memory that a high map needs.
 const TOGETHER: usize = 64;
 
 /// Sums over the windows of one column.
 struct Column {
-    /// First column of the map.
-    left: isize,
     /// Probabilities, [rows of the map, columns of a window, C + 1].
     sums: Vec<f64>,
     /// How many windows cover each row of the map.
     counts: Vec<u32>,
-    /// How many windows there are.
-    windows: usize,
 }
 
 /// Computes the mean probabilities of every cell, shape [rows, cols, C + 1], over the windows, all cells of which count;
@@ -49,18 +43,18 @@ pub(super) fn means(
     let (mut sums, mut counts) = (vec![0.0f64; free.len() * width], vec![0u32; free.len()]);
     for batch in columns.chunks(2 * rayon::current_num_threads()) {
         let columns: Vec<Column> =
-            batch.par_iter().map(|(left, tops)| column(free, width, size, *left, tops, predict)).collect();
-        for column in &columns {
-            let from = column.left.max(0) as usize;
-            let to = (column.left + size as isize).clamp(0, free.cols() as isize) as usize;
-            let skipped = (from as isize - column.left) as usize;
+            batch.par_iter().map(|(left, tops)| column(free, width, slide, *left, tops, predict)).collect();
+        for (column, (left, tops)) in columns.iter().zip(batch) {
+            let from = (*left).max(0) as usize;
+            let to = (left + size as isize).clamp(0, free.cols() as isize) as usize;
+            let skipped = (from as isize - left) as usize;
             for (row, (line, count)) in column.sums.chunks_exact(size * width).zip(&column.counts).enumerate() {
                 let at = row * free.cols();
                 counts[at + from..at + to].iter_mut().for_each(|sum| *sum += count);
                 let sums = &mut sums[(at + from) * width..(at + to) * width];
                 sums.iter_mut().zip(&line[skipped * width..]).for_each(|(sum, value)| *sum += value);
             }
-            done += column.windows;
+            done += tops.len();
         }
         if progress(done, total) == ControlFlow::Break(()) {
             return Err(AnnotateError::Cancelled);
@@ -71,19 +65,26 @@ pub(super) fn means(
 }
 
 /// Sums up the windows that begin at the rows `tops`, in ascending order, and at the column `left`.
-fn column(free: &Grid<bool>, width: usize, size: usize, left: isize, tops: &[isize], predict: &dyn Predict) -> Column {
+fn column(
+    free: &Grid<bool>,
+    width: usize,
+    slide: &Slide,
+    left: isize,
+    tops: &[isize],
+    predict: &dyn Predict,
+) -> Column {
+    let size = slide.size;
     let mut sums = vec![0.0; free.rows() * size * width];
     let mut counts = vec![0; free.rows()];
     for offset in 0..PERIOD {
-        let tops: Vec<isize> = tops.iter().copied().filter(|top| top.rem_euclid(PERIOD) == offset).collect();
+        let tops: Vec<isize> =
+            tops.iter().copied().filter(|top| top.rem_euclid(PERIOD as isize) == offset as isize).collect();
         // Where blocked windows leave a gap there is nothing to share.
         let near = tops.chunk_by(|one, next| next - one < size as isize);
         for tops in near.flat_map(|tops| tops.chunks(TOGETHER)) {
             let (first, last) = (tops[0], tops[tops.len() - 1]);
-            let cells: Vec<u8> = (first..last + size as isize)
-                .flat_map(|row| (left..left + size as isize).map(move |col| (row, col)))
-                .map(|(row, col)| u8::from(free.get(row, col) == Some(&true)))
-                .collect();
+            let mut cells = vec![0; ((last - first) as usize + size) * size];
+            slide.cut(free, (first, left), &mut cells);
             let starts: Vec<usize> = tops.iter().map(|top| (top - first) as usize).collect();
             predict.column(&cells, size, &starts, &mut |number, window| {
                 let top = tops[number];
@@ -96,5 +97,5 @@ fn column(free: &Grid<bool>, width: usize, size: usize, left: isize, tops: &[isi
             });
         }
     }
-    Column { left, sums, counts, windows: tops.len() }
+    Column { sums, counts }
 }

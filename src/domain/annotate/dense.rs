@@ -4,11 +4,8 @@ use std::ops::{ControlFlow, Range};
 
 use rayon::prelude::*;
 
-use super::{AnnotateError, Predict, Progress};
+use super::{AnnotateError, PERIOD, Predict, Progress};
 use crate::domain::geometry::Grid;
-
-/// The network halves its input three times: shifting an input by this many cells shifts the prediction, no more.
-const PERIOD: usize = 8;
 
 /// Cells around a block that are shown to the network besides: more than the 28 it can see from any cell.
 const MARGIN: usize = 32;

@@ -30,6 +30,9 @@ use super::geometry::Grid;
 use super::map::OccupancyMap;
 use super::unet::{DeviceName, Network};
 
+/// The network halves its input three times: shifting an input by this many cells shifts the prediction, no more.
+const PERIOD: usize = 8;
+
 /// What can tell the probabilities of classes in cells: a network.
 pub trait Predict: Sync {
     /// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols], on all threads.

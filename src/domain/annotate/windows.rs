@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use super::dense::Passes;
-use super::{AnnotateConfig, AnnotateError, Overlap, Predict, Progress};
+use super::{AnnotateConfig, AnnotateError, Overlap, PERIOD, Predict, Progress};
 use crate::domain::geometry::Grid;
 use crate::domain::unet::layers::EDGE;
 
@@ -53,7 +53,8 @@ impl Slide {
     /// Returns whether all cells of the windows count, and the next one at the same offset modulo 8 overlaps most of a
     /// window: what both see of a column is then worth sharing.
     pub(super) fn is_close(&self) -> bool {
-        let apart = (1..=8).map(|n| n * self.stride).find(|apart| apart % 8 == 0).expect("eight strides are");
+        let mut strides = (1..=PERIOD).map(|n| n * self.stride);
+        let apart = strides.find(|apart| apart.is_multiple_of(PERIOD)).expect("eight strides are");
         self.count == self.size && 5 * apart <= 2 * self.size
     }
 
@@ -79,9 +80,9 @@ impl Slide {
         places
     }
 
-    /// Copies a window of the map; what lies outside is blocked.
-    fn cut(&self, free: &Grid<bool>, (top, left): (isize, isize), window: &mut [u8]) {
-        for (row, out) in window.chunks_exact_mut(self.size).enumerate() {
+    /// Copies rows of the map, as wide as a window; what lies outside is blocked.
+    pub(super) fn cut(&self, free: &Grid<bool>, (top, left): (isize, isize), cells: &mut [u8]) {
+        for (row, out) in cells.chunks_exact_mut(self.size).enumerate() {
             for (col, value) in out.iter_mut().enumerate() {
                 *value = u8::from(free.get(top + row as isize, left + col as isize) == Some(&true));
             }
