@@ -20,12 +20,20 @@ pub enum DeviceName {
     Ndarray,
 }
 
-impl fmt::Display for DeviceName {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
+impl DeviceName {
+    /// Returns the name that settings and recipes have for it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
             Self::Flex => "flex",
             Self::Ndarray => "ndarray",
-        })
+        }
+    }
+}
+
+impl fmt::Display for DeviceName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
     }
 }
 
@@ -63,25 +71,28 @@ impl Simd {
     pub fn best() -> Self {
         Self::ALL.into_iter().find(|simd| simd.is_available()).expect("plain Rust runs everywhere")
     }
+
+    /// Returns the name that settings and recipes have for it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Avx512 => "avx512",
+            Self::Avx2 => "avx2",
+            Self::Portable => "portable",
+        }
+    }
 }
 
 impl fmt::Display for Simd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Avx512 => "avx512",
-            Self::Avx2 => "avx2",
-            Self::Portable => "portable",
-        })
+        f.write_str(self.name())
     }
 }
 
 impl FromStr for Simd {
     type Err = UnetError;
     fn from_str(name: &str) -> Result<Self, UnetError> {
-        Self::ALL
-            .into_iter()
-            .find(|simd| simd.to_string() == name)
-            .ok_or_else(|| UnetError::UnknownSimd(name.to_owned()))
+        Self::ALL.into_iter().find(|simd| simd.name() == name).ok_or_else(|| UnetError::UnknownSimd(name.to_owned()))
     }
 }
 
@@ -101,7 +112,7 @@ impl Compute {
     pub fn new(name: DeviceName, simd: Option<Simd>) -> Result<Self, UnetError> {
         let simd = simd.unwrap_or_else(Simd::best);
         if !simd.is_available() {
-            return Err(UnetError::MissingSimd(simd));
+            return Err(UnetError::MissingSimd(simd.name()));
         }
         let kernels = (name == DeviceName::Flex).then_some(simd);
         Ok(Self { name, device: open(name)?, kernels })
@@ -146,7 +157,7 @@ fn open(name: DeviceName) -> Result<Device, UnetError> {
             Ok(device)
         }
         #[cfg(not(feature = "ndarray"))]
-        DeviceName::Ndarray => Err(UnetError::MissingDevice(name)),
+        DeviceName::Ndarray => Err(UnetError::MissingDevice(name.name())),
     }
 }
 

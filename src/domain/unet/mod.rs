@@ -19,6 +19,7 @@ pub mod loss;
 pub mod model;
 pub mod network;
 mod ops;
+mod tally;
 pub mod trainer;
 
 pub use compute::{Compute, DeviceName, Simd};
@@ -34,9 +35,9 @@ pub enum UnetError {
     #[error("`{0}` is no instruction set: it is one of `avx512`, `avx2`, `portable`")]
     UnknownSimd(String),
     #[error("this processor has no `{0}`")]
-    MissingSimd(Simd),
+    MissingSimd(&'static str),
     #[error("this build has no device `{0}`: build it with `--features {0}`")]
-    MissingDevice(DeviceName),
+    MissingDevice(&'static str),
     #[error("the checkpoint has no `{0}`")]
     MissingArray(String),
     #[error("`{name}` of the checkpoint is of shape {found:?} instead of {expected:?}")]

@@ -9,7 +9,8 @@ use super::UnetError;
 use super::batches::{Batch, Order};
 use super::compute::{Compute, DeviceName};
 use super::layers::Arrays;
-use super::learner::{Learner, Tally};
+use super::learner::Learner;
+use super::tally::Tally;
 use crate::domain::tiles::Tiles;
 
 /// Parameters of training.

@@ -11,10 +11,10 @@
 
 use std::ops::Range;
 
-use super::Simd;
 use super::image::Image;
 use super::parameters::Parameters;
 use super::pass::{REACH, Workspace};
+use crate::domain::unet::compute::Simd;
 use crate::domain::unet::layers::EDGE;
 
 /// An edge of a window in a column.
@@ -57,6 +57,7 @@ impl Edge {
 /// Buffers for the windows of a column.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Columns {
+    workspace: Workspace,
     /// What the rows held that the edge of a window has changed.
     saved: Vec<f32>,
     /// Probabilities of the column, and of a window.
@@ -64,7 +65,7 @@ pub(super) struct Columns {
     window: Vec<f32>,
 }
 
-impl Workspace {
+impl Columns {
     /// Predicts the windows of `size`² cells that begin at the rows `tops` of a column of `rows` × `size` cells.
     ///
     /// `each` gets the number of a window and its probabilities, [`size`, `size`, C + 1]. All `tops` are multiples of 8, and
@@ -78,27 +79,28 @@ impl Workspace {
         each: &mut dyn FnMut(usize, &[f32]),
     ) {
         let line = size * parameters.layers.head.outputs;
-        let Columns { mut saved, mut column, mut window } = std::mem::take(&mut self.columns);
+        let Self { workspace, saved, column, window } = self;
         column.resize(rows * line, 0.0);
         window.resize(size * line, 0.0);
-        self.predict(simd, parameters, (cells, rows, size), &mut column);
+        workspace.predict(simd, parameters, (cells, rows, size), column);
         for (number, &top) in tops.iter().enumerate() {
             let (inner, end) = (EDGE..size - EDGE, top + size);
             window[inner.start * line..inner.end * line]
                 .copy_from_slice(&column[(top + inner.start) * line..(top + inner.end) * line]);
             for (edge, out) in [(Edge::Upper(top), 0..inner.start), (Edge::Lower(end), inner.end..size)] {
-                self.save(edge, &mut saved);
-                self.cut(edge);
-                self.layers(simd, parameters, |depth, reach| edge.rows(depth, reach));
+                workspace.save(edge, saved);
+                workspace.cut(edge);
+                workspace.layers(simd, parameters, |depth, reach| edge.rows(depth, reach));
                 let first = top + out.start;
-                self.probabilities(simd, parameters, first, &mut window[out.start * line..out.end * line]);
-                self.restore(edge, &saved);
+                workspace.probabilities(simd, parameters, first, &mut window[out.start * line..out.end * line]);
+                workspace.restore(edge, saved);
             }
-            each(number, &window);
+            each(number, window);
         }
-        self.columns = Columns { saved, column, window };
     }
+}
 
+impl Workspace {
     /// The maps of which later windows need rows that an edge changes, their depth and the edge's reach.
     fn shared(&mut self) -> [(&mut Image, usize, usize); 9] {
         let Self {

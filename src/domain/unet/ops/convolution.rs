@@ -4,9 +4,10 @@
 //! each tap the weights of the output channels are read once, and each pixel's input is multiplied onto them. No input
 //! is copied or reordered; bias and ReLU cost nothing, as the sums are in registers anyway.
 
+use super::dispatch::dispatch;
 use super::image::{Source, Target};
 use super::lanes::Lanes;
-use super::{Simd, dispatch};
+use crate::domain::unet::compute::Simd;
 
 /// Weights of one source of a convolution: `[tap][channel][output]`.
 #[derive(Debug, Clone, Copy)]

@@ -4,9 +4,10 @@
 //! A tile of a few input channels by a few registers of output channels is summed up in registers while walking over a
 //! block of pixels that fits the first-level cache; then the next tile walks over the same block.
 
+use super::dispatch::dispatch;
 use super::image::Source;
 use super::lanes::Lanes;
-use super::{Simd, dispatch};
+use crate::domain::unet::compute::Simd;
 
 /// About so many pixels are walked over by one tile after the other.
 const BLOCK: usize = 128;

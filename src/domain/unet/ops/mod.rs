@@ -5,7 +5,7 @@
 //!
 //! - [`pass`]: the network on one image, forward and back; [`column`]: on windows that share most of it;
 //! - [`parameters`]: the parameters as the kernels read them, and the sums of their gradients;
-//! - [`image`]: feature maps in memory; [`lanes`]: registers of each instruction set;
+//! - [`image`]: feature maps in memory; [`lanes`]: registers of each instruction set, [`dispatch`](mod@dispatch) chooses one;
 //! - [`convolution`], [`correlation`]: the two kernels that take nearly all of the time, the only ones in intrinsics;
 //! - [`pooling`], [`softmax`]: the rest.
 //!
@@ -14,6 +14,7 @@
 mod column;
 mod convolution;
 mod correlation;
+mod dispatch;
 mod image;
 mod lanes;
 mod parameters;
@@ -37,76 +38,26 @@ use rayon::prelude::*;
 use super::batches::Batch;
 use super::compute::Simd;
 use super::layers::Layers;
-use super::learner::Tally;
+use super::tally::Tally;
+use column::Columns;
 use parameters::{Gradients, Parameters, reduce};
 use pass::Workspace;
 use softmax::{Labeled, Outcome};
 
-/// Runs the copy of a function's loops that is compiled for an instruction set.
-///
-/// `dispatch!(simd, loops(argument: Type, …))` calls the generic `loops::<V>` with the registers `V` of the set,
-/// `dispatch!(simd, plain loops(…))` a function of plain Rust. They are `inline(always)`, so each copy is compiled with the
-/// instructions that its caller here enables.
-macro_rules! dispatch {
-    ($simd:expr, plain $loops:ident($($argument:ident: $type:ty),* $(,)?)) => {
-        dispatch!(
-            @ $simd,
-            ($($argument: $type),*),
-            $loops($($argument),*),
-            $loops($($argument),*),
-            $loops($($argument),*)
-        )
-    };
-    ($simd:expr, $loops:ident($($argument:ident: $type:ty),* $(,)?)) => {
-        // SAFETY: the function that runs it enables the instruction set, and the caller has checked the arguments.
-        dispatch!(
-            @ $simd,
-            ($($argument: $type),*),
-            unsafe { $loops::<$crate::domain::unet::ops::lanes::Avx512>($($argument),*) },
-            unsafe { $loops::<$crate::domain::unet::ops::lanes::Avx2>($($argument),*) },
-            unsafe { $loops::<$crate::domain::unet::ops::lanes::Portable>($($argument),*) }
-        )
-    };
-    (@ $simd:expr, ($($argument:ident: $type:ty),*), $avx512:expr, $avx2:expr, $portable:expr) => {{
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx512f,avx2,fma")]
-        fn avx512($($argument: $type),*) {
-            $avx512;
-        }
-        #[cfg(target_arch = "x86_64")]
-        #[target_feature(enable = "avx2,fma")]
-        fn avx2($($argument: $type),*) {
-            $avx2;
-        }
-        let simd: Simd = $simd;
-        assert!(simd.is_available(), "the processor has the instruction set");
-        match simd {
-            // SAFETY: the processor has the instruction set.
-            #[cfg(target_arch = "x86_64")]
-            Simd::Avx512 => unsafe { avx512($($argument),*) },
-            // SAFETY: the processor has the instruction set.
-            #[cfg(target_arch = "x86_64")]
-            Simd::Avx2 => unsafe { avx2($($argument),*) },
-            _ => $portable,
-        }
-    }};
-}
-use dispatch;
-
 /// Into so many parts a batch is split, whatever the number of threads; each is summed up in order, then all of them.
 const SHARDS: usize = 8;
 
-/// Workspaces that wait to be used; there are never more than threads.
+/// Buffers that wait to be used; there are never more than threads.
 #[derive(Debug, Default)]
-struct Workspaces(Mutex<Vec<Workspace>>);
+struct Pool<B>(Mutex<Vec<B>>);
 
-impl Workspaces {
-    /// Lends a workspace; the lock is held for a push or a pop only.
-    fn with<T>(&self, work: impl FnOnce(&mut Workspace) -> T) -> T {
+impl<B: Default> Pool<B> {
+    /// Lends buffers; the lock is held for a push or a pop only.
+    fn with<T>(&self, work: impl FnOnce(&mut B) -> T) -> T {
         let lock = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut workspace = lock().pop().unwrap_or_default();
-        let result = work(&mut workspace);
-        lock().push(workspace);
+        let mut buffers = lock().pop().unwrap_or_default();
+        let result = work(&mut buffers);
+        lock().push(buffers);
         result
     }
 }
@@ -115,7 +66,8 @@ impl Workspaces {
 pub(super) struct Predictor {
     simd: Simd,
     parameters: Parameters,
-    workspaces: Workspaces,
+    workspaces: Pool<Workspace>,
+    columns: Pool<Columns>,
 }
 
 impl Predictor {
@@ -123,7 +75,7 @@ impl Predictor {
     pub(super) fn new(classes: usize, flat: &[f32], simd: Simd) -> Self {
         let mut parameters = Parameters::new(classes);
         parameters.load(flat, false);
-        Self { simd, parameters, workspaces: Workspaces::default() }
+        Self { simd, parameters, workspaces: Pool::default(), columns: Pool::default() }
     }
 
     /// Predicts images of `rows` × `cols` cells: [image, rows, cols, C + 1] probabilities.
@@ -135,7 +87,7 @@ impl Predictor {
         });
     }
 
-    /// Predicts windows of `size`² cells of a column, on the thread that calls; see [`Workspace::windows`].
+    /// Predicts windows of `size`² cells of a column, on the thread that calls; see [`Columns::windows`].
     pub(super) fn predict_windows(
         &self,
         column: &[u8],
@@ -144,7 +96,7 @@ impl Predictor {
         each: &mut dyn FnMut(usize, &[f32]),
     ) {
         let image = (column, column.len() / size, size);
-        self.workspaces.with(|workspace| workspace.windows(self.simd, &self.parameters, image, tops, each));
+        self.columns.with(|columns| columns.windows(self.simd, &self.parameters, image, tops, each));
     }
 }
 
@@ -153,7 +105,7 @@ impl Predictor {
 struct Pass {
     parameters: Parameters,
     shards: Vec<Gradients>,
-    workspaces: Workspaces,
+    workspaces: Pool<Workspace>,
     outcome: Outcome,
 }
 
@@ -265,7 +217,7 @@ impl SharedPass {
         let layers = Layers::new(classes);
         let shards = vec![Gradients::new(&layers); SHARDS];
         let parameters = Parameters::new(classes);
-        Self(Mutex::new(Pass { parameters, shards, workspaces: Workspaces::default(), outcome: Outcome::default() }))
+        Self(Mutex::new(Pass { parameters, shards, workspaces: Pool::default(), outcome: Outcome::default() }))
     }
 
     /// Computes the loss of a batch by [`UnetLoss`], and what was predicted; `weights` are the w_c of eq. 4.

@@ -14,7 +14,7 @@ use super::convolution::Weights;
 use super::image::{PHASES, Phase};
 use super::softmax::Outcome;
 use crate::domain::unet::layers::{Layer, Layers};
-use crate::domain::unet::learner::Tally;
+use crate::domain::unet::tally::Tally;
 
 /// The rows (or columns) of 3×3 taps that read the small pixel `i` of the two that phase `a` sees.
 const fn folded(a: usize, i: usize) -> &'static [usize] {

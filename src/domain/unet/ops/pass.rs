@@ -5,14 +5,13 @@
 
 use std::ops::Range;
 
-use super::Simd;
-use super::column::Columns;
 use super::convolution::{Then, convolve};
 use super::correlation::{Correlation, correlate};
 use super::image::{Image, PHASES, Source, rows_of};
 use super::parameters::{Gradients, Parameters};
 use super::pooling::{add_pixels, halve, sum_halve, unfold, unhalve};
 use super::softmax::{self, Labeled};
+use crate::domain::unet::compute::Simd;
 use crate::domain::unet::layers::{EDGE, Layer, Layers};
 
 /// How many rows of each feature map depend on where an edge of the image is; see [`Workspace::layers`].
@@ -49,8 +48,6 @@ pub(super) struct Workspace {
     up2_gradient: Image,
     /// Gradient of the logits, summed up over two by two pixels.
     logits_halved: Image,
-    /// For windows of a column.
-    pub(super) columns: Columns,
 }
 
 impl Workspace {

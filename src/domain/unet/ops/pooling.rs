@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
+use super::dispatch::dispatch;
 use super::image::{Image, PHASES};
-use super::{Simd, dispatch};
+use crate::domain::unet::compute::Simd;
 
 /// Pixels are handled in blocks of so many channels, to which the compiler gives registers.
 const CHANNELS: usize = 16;

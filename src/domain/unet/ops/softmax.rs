@@ -1,9 +1,10 @@
 //! Softmax over the classes, and the weighted cross-entropy (eq. 4) with its gradient: plain Rust, compiled for each
 //! instruction set, without fused operations, so that it gives the same bits everywhere.
 
+use super::dispatch::dispatch;
 use super::image::Image;
-use super::{Simd, dispatch};
-use crate::domain::unet::learner::Tally;
+use crate::domain::unet::compute::Simd;
+use crate::domain::unet::tally::Tally;
 
 /// Pixels that are handled at once, each in a lane of its own.
 const PIXELS: usize = 8;
