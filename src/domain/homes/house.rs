@@ -1,25 +1,8 @@
 //! Layouts of homes: a living zone, and wings of bedrooms and baths along corridors that lead off it.
 
 use super::dice::Dice;
-use super::plan::{Placement, Plan, Purpose, Rect};
+use super::plan::{Placement, Plan, Purpose, Rect, Style};
 use super::wing::{Needs, Wing};
-
-/// What all parts of one plan have in common, in cells.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Style {
-    /// Thickness of inner walls.
-    pub wall: i32,
-    /// Width of corridors.
-    pub corridor: i32,
-    /// Least and greatest width of doors.
-    pub door: [i32; 2],
-}
-
-impl Style {
-    pub(super) fn door_width(self, dice: &mut Dice) -> i32 {
-        dice.range(self.door[0], self.door[1])
-    }
-}
 
 /// Draws the plan of a home of about `area` square meters; `None` if the pieces do not fit together.
 pub(super) fn layout(area: f64, style: Style, dice: &mut Dice) -> Option<Plan> {

@@ -21,8 +21,7 @@ use serde::{Deserialize, Serialize};
 
 use self::dice::Dice;
 use self::furnish::Furnisher;
-use self::house::Style;
-use self::plan::Plan;
+use self::plan::{Plan, Style};
 use self::site::Site;
 use super::map::OccupancyMap;
 

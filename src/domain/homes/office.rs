@@ -1,8 +1,7 @@
 //! Layouts of offices: a corridor between rows of rooms, a ring around a core, or an open floor with rooms along it.
 
 use super::dice::Dice;
-use super::house::Style;
-use super::plan::{Plan, Purpose, Rect};
+use super::plan::{Plan, Purpose, Rect, Style};
 
 /// Draws the plan of an office of about `area` square meters; `None` if the pieces do not fit together.
 pub(super) fn layout(area: f64, style: Style, dice: &mut Dice) -> Option<Plan> {

@@ -2,6 +2,23 @@
 
 use super::dice::Dice;
 
+/// What all parts of one plan have in common, in cells.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Style {
+    /// Thickness of inner walls.
+    pub wall: i32,
+    /// Width of corridors.
+    pub corridor: i32,
+    /// Least and greatest width of doors.
+    pub door: [i32; 2],
+}
+
+impl Style {
+    pub(super) fn door_width(self, dice: &mut Dice) -> i32 {
+        dice.range(self.door[0], self.door[1])
+    }
+}
+
 /// Cells from `left` to `right` and `top` to `bottom`, the last ones not included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Rect {

@@ -1,8 +1,7 @@
 //! The quiet part of a home: bedrooms, baths and the like along a corridor.
 
 use super::dice::Dice;
-use super::house::Style;
-use super::plan::{Placement, Plan, Purpose, Rect};
+use super::plan::{Placement, Plan, Purpose, Rect, Style};
 
 /// Counts the rooms that a home has already, to choose what it needs next.
 #[derive(Debug, Default)]
