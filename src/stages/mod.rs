@@ -5,6 +5,7 @@
 pub mod annotate;
 pub mod compute;
 pub mod cost;
+mod definition;
 pub mod generate_map;
 pub mod import_map;
 pub mod maps;
@@ -16,20 +17,10 @@ pub mod simulate;
 pub mod tile;
 pub mod train;
 
-use std::sync::Arc;
-
-use schemars::JsonSchema;
-use schemars::generate::SchemaSettings;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
-use serde_json::Value;
-
-use crate::domain::geometry::Frame;
-use crate::kinds::{Kind, KindError, Written};
-use crate::pipeline::stage::{
-    Context, Entry, KindSpec, Output, ParameterError, Register, Stage, StageError, StageSpec,
+use crate::pipeline::stage::Register;
+use definition::{
+    Definition, kind, kind_failed, parse, read, refused, refused_setting, same_frame, schema, to_json, write,
 };
-use crate::store::{Artifact, Digest};
 
 /// All stages and map sources.
 pub const REGISTER: Register = Register {
@@ -46,95 +37,3 @@ pub const REGISTER: Register = Register {
     ],
     maps: maps::SOURCES,
 };
-
-/// A stage that is its own parameters.
-trait Definition: Stage + Serialize + DeserializeOwned + JsonSchema + 'static {
-    const SPEC: StageSpec;
-
-    /// The line of the register.
-    const ENTRY: Entry = Entry { spec: &Self::SPEC, parse: parse_stage::<Self>, schema: schema::<Self> };
-
-    /// Checks what types cannot say.
-    ///
-    /// # Errors
-    /// [`ParameterError`] that names the parameter and its range.
-    fn check(&self) -> Result<(), ParameterError> {
-        Ok(())
-    }
-}
-
-fn parse_stage<S: Definition>(value: &Value) -> Result<Arc<dyn Stage>, ParameterError> {
-    let stage: S = parse(value)?;
-    stage.check()?;
-    Ok(Arc::new(stage))
-}
-
-/// Reads parameters from JSON; an error names the way to the value.
-fn parse<T: DeserializeOwned>(value: &Value) -> Result<T, ParameterError> {
-    serde_path_to_error::deserialize(value).map_err(|error| {
-        let path = error.path().iter().map(ToString::to_string).filter(|segment| segment != "?").collect();
-        ParameterError { path, message: error.into_inner().to_string(), help: None }
-    })
-}
-
-fn schema<T: JsonSchema>() -> Value {
-    SchemaSettings::draft07().into_generator().into_root_schema_for::<T>().to_value()
-}
-
-/// A refusal of the parameter `field`.
-fn refused(field: &str, message: impl Into<String>) -> ParameterError {
-    ParameterError { path: vec![field.to_owned()], message: message.into(), help: None }
-}
-
-/// A refusal by the domain, whose messages name the parameter first, in backticks.
-fn refused_setting(error: &dyn std::error::Error) -> ParameterError {
-    let message = error.to_string();
-    let field = message.split('`').nth(1).unwrap_or_default();
-    ParameterError { path: field.split('.').map(str::to_owned).collect(), message, help: None }
-}
-
-/// Parameters as the JSON that enters recipes.
-fn to_json(parameters: &impl Serialize) -> Value {
-    serde_json::to_value(parameters).expect("parameters are JSON")
-}
-
-/// A kind as the pipeline sees it.
-const fn kind<K: Kind>() -> KindSpec {
-    KindSpec { name: K::NAME, format: K::FORMAT, extension: K::EXTENSION }
-}
-
-/// Reads an artifact and hands back its digest too.
-fn read<K: Kind>(context: &Context, artifact: &Artifact) -> Result<(K, Digest), StageError> {
-    Ok((K::read(context.store, artifact).map_err(kind_failed)?, artifact.digest))
-}
-
-/// Writes an artifact.
-fn write<K: Kind>(context: &Context, value: &K) -> Result<Output, StageError> {
-    Ok(match value.write(context.store).map_err(kind_failed)? {
-        Written::File(file) => Output::File(file),
-        Written::Bundle(files) => Output::Bundle(files),
-    })
-}
-
-fn kind_failed(error: KindError) -> StageError {
-    match error {
-        KindError::Store(error) => StageError::Store(error),
-        error => {
-            let help = error.help();
-            StageError::Failed { message: error.to_string(), help, source: Some(Box::new(error)) }
-        }
-    }
-}
-
-/// Checks that two inputs lie on the same map.
-fn same_frame(a_name: &str, a: &Frame, b_name: &str, b: &Frame) -> Result<(), StageError> {
-    if a == b {
-        return Ok(());
-    }
-    let size = |frame: &Frame| format!("{} × {} cells of {} m", frame.rows, frame.cols, frame.resolution);
-    Err(StageError::Failed {
-        message: format!("`{a_name}` ({}) and `{b_name}` ({}) do not lie on the same map", size(a), size(b)),
-        help: Some("connect inputs that come from the same map".to_owned()),
-        source: None,
-    })
-}
