@@ -2,8 +2,6 @@
 
 use std::process::ExitCode;
 
-use clap::CommandFactory;
-
 use super::error::CliError;
 use super::screen::Screen;
 
@@ -17,9 +15,10 @@ pub struct Args {
 }
 
 impl Args {
-    pub(super) fn run(&self, screen: &Screen) -> Result<ExitCode, CliError> {
+    /// Prints the completions of `command`.
+    pub(super) fn run(&self, command: &mut clap::Command, screen: &Screen) -> Result<ExitCode, CliError> {
         let mut text = Vec::new();
-        clap_complete::generate(self.shell, &mut super::Cli::command(), "trodden", &mut text);
+        clap_complete::generate(self.shell, command, "trodden", &mut text);
         screen.line(String::from_utf8_lossy(&text).trim_end())?;
         Ok(ExitCode::SUCCESS)
     }

@@ -27,7 +27,7 @@ mod why;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
 use error::CliError;
 use screen::Screen;
@@ -129,6 +129,6 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Schema(args) => args.run(screen),
         Command::Init(args) => args.run(screen),
         Command::Annotate(args) => args.run(store, screen),
-        Command::Completions(args) => args.run(screen),
+        Command::Completions(args) => args.run(&mut Cli::command(), screen),
     }
 }
