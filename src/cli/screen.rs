@@ -6,6 +6,8 @@ use serde::Serialize;
 
 use super::error::CliError;
 
+pub use crate::report::amounts::bytes;
+
 /// The two streams and how to write to them.
 #[derive(Debug)]
 pub struct Screen {
@@ -111,19 +113,6 @@ pub fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
     lines.join("\n")
 }
 
-/// Writes a number of bytes for people.
-#[must_use]
-pub fn bytes(count: u64) -> String {
-    const UNITS: [&str; 5] = ["B", "KiB", "MiB", "GiB", "TiB"];
-    let mut value = count as f64;
-    let mut unit = 0;
-    while value >= 1024.0 && unit + 1 < UNITS.len() {
-        value /= 1024.0;
-        unit += 1;
-    }
-    if unit == 0 { format!("{count} B") } else { format!("{value:.1} {}", UNITS[unit]) }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -139,14 +128,5 @@ mod tests {
         let row = |size: &str, digest: &str| vec![size.to_owned(), digest.to_owned()];
         let rows = [row("2.3 KiB", "0123456789ab"), row("-", "-")];
         assert_eq!(columns(&["size", "digest"], &rows), "   size  digest\n2.3 KiB  0123456789ab\n      -  -");
-    }
-
-    #[test]
-    fn bytes_are_written_in_the_unit_that_fits() {
-        let check = |count, expected: &str| assert_eq!(bytes(count), expected);
-        check(0, "0 B");
-        check(1023, "1023 B");
-        check(1536, "1.5 KiB");
-        check(5 << 30, "5.0 GiB");
     }
 }

@@ -1,9 +1,16 @@
 //! Axes: where a value lies between two ends, and round numbers to mark on the way.
 
-use super::picture::Scale;
-
 /// How many powers of ten a logarithmic axis spans at most.
 const DECADES: f64 = 3.0;
+
+/// How values become places on an axis, and colors.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Scale {
+    /// In proportion to the value.
+    Linear,
+    /// In proportion to its logarithm.
+    Log,
+}
 
 /// A way from values to the share of an axis's length.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -9,6 +9,8 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::pipeline::event::{Counts, Event, RunState};
 use crate::store::{Outcome, RunStatus};
 
+use super::amounts::seconds;
+
 /// How a run is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BarStyle {
@@ -247,21 +249,6 @@ pub fn tally(counts: &Counts) -> String {
     if named.is_empty() { "no nodes".to_owned() } else { named.join(", ") }
 }
 
-/// Writes a duration for people.
-#[must_use]
-pub fn seconds(seconds: f64) -> String {
-    match seconds {
-        s if s < 0.0095 => format!("{:.1} ms", s * 1e3),
-        s if s < 0.995 => format!("{:.0} ms", s * 1e3),
-        s if s < 59.95 => format!("{s:.1} s"),
-        s => {
-            let whole = s.round() as u64;
-            let (hours, minutes, seconds) = (whole / 3600, whole / 60 % 60, whole % 60);
-            if hours > 0 { format!("{hours} h {minutes:02} min") } else { format!("{minutes} min {seconds:02} s") }
-        }
-    }
-}
-
 fn summary(counts: &Counts, status: RunStatus, wall_s: f64) -> String {
     let end = match status {
         RunStatus::Finished => "finished",
@@ -364,15 +351,5 @@ mod tests {
         assert_eq!((bar.0.bar.length(), bar.0.bar.position()), (Some(9), 0));
         bar.advance(9, 9);
         assert_eq!(bar.0.bar.position(), 9);
-    }
-
-    #[test]
-    fn durations_are_short() {
-        let check = |value, expected: &str| assert_eq!(seconds(value), expected);
-        check(0.0012, "1.2 ms");
-        check(0.25, "250 ms");
-        check(59.9, "59.9 s");
-        check(60.0, "1 min 00 s");
-        check(7500.0, "2 h 05 min");
     }
 }

@@ -7,6 +7,7 @@
 //!
 //! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
 
+pub mod amounts;
 mod axis;
 pub mod bars;
 mod canvas;

@@ -7,16 +7,8 @@ use crate::domain::quantize::{OBSTACLE, UNLABELED};
 use super::axis::Axis;
 use super::colors::{self, Rgb};
 
+pub use super::axis::Scale;
 pub use super::shown::Shown;
-
-/// How values become colors.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Scale {
-    /// In proportion to the value.
-    Linear,
-    /// In proportion to its logarithm.
-    Log,
-}
 
 /// A picture, cell by cell.
 #[derive(Debug, Clone, PartialEq)]

@@ -15,11 +15,12 @@ use crate::kinds::parquet::Table;
 use crate::kinds::{Checkpoint, Heat, Kind, NavEpisodes, Placed, TrackReader, data_frame};
 use crate::store::{Artifact, FileRef, Store};
 
+use super::ReportError;
+use super::amounts::seconds;
 use super::axis::number;
 use super::colors;
 use super::picture::Picture;
 use super::tracks::{self, PathCounter};
-use super::{ReportError, bars};
 
 /// The most windows on a contact sheet.
 const MOST_WINDOWS: usize = 32;
@@ -155,7 +156,7 @@ impl Shown {
         let mut facts = place(&placed.frame);
         facts.push(fact("episodes", steps.len()));
         facts.push(fact("pedestrians", range(agents)));
-        let time = bars::seconds(lengths().max().unwrap_or(0) as f64 / placed.value.frame_rate);
+        let time = seconds(lengths().max().unwrap_or(0) as f64 / placed.value.frame_rate);
         facts.push(fact("robot path", format!("{} steps, {time}", range(lengths()))));
         Self::drawn(facts, tracks::episodes(&placed.frame, &placed.value, None))
     }

@@ -11,6 +11,7 @@ mod maps;
 mod nodes;
 mod numbers;
 mod page;
+mod source;
 mod training;
 
 use std::fs;
@@ -23,6 +24,7 @@ use super::ReportError;
 use crate::store::{Run, Store};
 use cache::{Cache, Fragment};
 use lineage::Lineage;
+use source::Source;
 
 /// Writes the report of a run to `runs/<id>/report.html` and returns where that is.
 ///
@@ -43,13 +45,6 @@ pub fn render(store: &Store, run: &Run) -> String {
     let cache = Cache::of(store);
     let results = cache.fragment(&fingerprint(run), || results(&Source { store, cache: &cache, lineage: &lineage }));
     page::page(&lineage, &results.html)
-}
-
-/// Where sections find what they show.
-struct Source<'a> {
-    store: &'a Store,
-    cache: &'a Cache,
-    lineage: &'a Lineage<'a>,
 }
 
 /// Names all that the results depend on.

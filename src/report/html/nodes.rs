@@ -6,7 +6,8 @@ use maud::{Markup, PreEscaped, html};
 
 use super::lineage::{Lineage, stage_name};
 use crate::pipeline::event::Counts;
-use crate::report::bars::{seconds, tally};
+use crate::report::amounts::{bytes, seconds};
+use crate::report::bars::tally;
 use crate::report::charts::{StageBox, dag};
 use crate::store::{Outcome, Role, RunNode};
 
@@ -152,21 +153,12 @@ fn row(node: &RunNode) -> Markup {
             td { code { (node.node) } }
             td { i.dot.(class) {} (outcome) }
             td.number { @if node.outcome == Outcome::Ran || node.outcome == Outcome::Failed { (seconds(node.wall_s)) } }
-            td.number { @if let Some(artifact) = &node.artifact { (size(artifact.bytes())) } }
+            td.number { @if let Some(artifact) = &node.artifact { (bytes(artifact.bytes())) } }
             td { @if let Some(artifact) = &node.artifact { code.muted { (artifact.digest) } } }
             td.muted { (inputs) }
         }
         @if let Some(error) = &node.error {
             tr { td.error colspan="6" { (error) } }
         }
-    }
-}
-
-fn size(bytes: u64) -> String {
-    match bytes {
-        0..1_000 => format!("{bytes} B"),
-        1_000..1_000_000 => format!("{:.1} kB", bytes as f64 / 1e3),
-        1_000_000..1_000_000_000 => format!("{:.1} MB", bytes as f64 / 1e6),
-        _ => format!("{:.1} GB", bytes as f64 / 1e9),
     }
 }

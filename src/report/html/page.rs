@@ -5,7 +5,8 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::lineage::Lineage;
 use super::nodes;
 use crate::pipeline::event::Counts;
-use crate::report::bars::{seconds, tally};
+use crate::report::amounts::seconds;
+use crate::report::bars::tally;
 use crate::store::{Outcome, Run, RunStatus};
 
 const STYLE: &str = include_str!("style.css");
