@@ -1,7 +1,5 @@
 //! The crowd layer: the oracle's scenes in which plain ORCA is stuck, and statistics over episodes on maps.
 
-use std::path::PathBuf;
-
 use rayon::prelude::*;
 use trodden::domain::crowd::{Crowd, CrowdConfig, NavConfig, Robot, Scene, Speed, Status, Summary, Tally};
 use trodden::domain::geometry::{Frame, Grid, Point};
@@ -9,17 +7,7 @@ use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
 use trodden::domain::tracks::Sample;
 
-/// Finds the oracle's folder, or says that it is not there.
-fn oracle() -> Option<PathBuf> {
-    let shared = std::env::var_os("TRODDEN_SHARED")
-        .map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")), PathBuf::from);
-    let folder = std::env::var_os("TRODDEN_ORACLE").map_or_else(|| shared.join("oracle/orca"), PathBuf::from);
-    if !folder.is_dir() {
-        println!("skipped: no oracle at {}", folder.display());
-        return None;
-    }
-    Some(folder)
-}
+use super::needs::Need;
 
 /// One of the oracle's scenes.
 struct OracleScene {
@@ -97,7 +85,7 @@ fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<(usize, Option<f64
 
 #[test]
 fn where_plain_orca_is_stuck_everyone_arrives() {
-    let Some(folder) = oracle() else { return };
+    let Some(folder) = Need::Oracle.folder() else { return };
     let names = [
         ("headon2_exact", 20.0),
         ("headon2_offset", 20.0),

@@ -6,6 +6,7 @@ mod crowd;
 mod equations;
 mod kinds;
 mod maps;
+mod needs;
 mod oracle;
 mod pipeline;
 mod pipelines;

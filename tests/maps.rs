@@ -1,21 +1,11 @@
 //! Real maps, imported: the free areas and what an agent can reach, as the README beside them lists.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use trodden::domain::geometry::Grid;
 use trodden::domain::map::{ImportConfig, MapYaml, OccupancyMap, import_ros, regions, squared_distances};
 
-/// Returns the folder of shared maps, or `None` (saying so) where it is absent.
-fn shared_maps() -> Option<PathBuf> {
-    let shared = std::env::var_os("TRODDEN_SHARED")
-        .map_or_else(|| Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")).to_owned(), PathBuf::from);
-    let maps = shared.join("maps");
-    if maps.is_dir() {
-        return Some(maps);
-    }
-    println!("skipped: there is no folder {}", maps.display());
-    None
-}
+use super::needs::Need;
 
 fn import(yaml: &Path, resolution: f64) -> OccupancyMap {
     let text = std::fs::read_to_string(yaml).expect("the YAML is readable");
@@ -33,7 +23,7 @@ fn largest_share(map: &OccupancyMap, open: &Grid<bool>) -> f64 {
 
 #[test]
 fn free_areas_are_those_that_were_measured() {
-    let Some(maps) = shared_maps() else { return };
+    let Some(maps) = Need::Maps.folder() else { return };
     for (yaml, area) in [
         ("pal/willow_garage/map.yaml", 1939.0),
         ("nav2/warehouse.yaml", 1262.0),
@@ -55,7 +45,7 @@ fn free_areas_are_those_that_were_measured() {
 
 #[test]
 fn erosion_leaves_the_shares_that_were_measured() {
-    let Some(maps) = shared_maps() else { return };
+    let Some(maps) = Need::Maps.folder() else { return };
     for (yaml, shares) in [
         ("pal/small_house/map.yaml", [0.89, 0.80, 0.79, 0.71]),
         ("pal/hospital/map.yaml", [0.89, 0.81, 0.80, 0.72]),
@@ -79,7 +69,7 @@ fn erosion_leaves_the_shares_that_were_measured() {
 
 #[test]
 fn all_maps_are_read_at_several_resolutions() {
-    let Some(maps) = shared_maps() else { return };
+    let Some(maps) = Need::Maps.folder() else { return };
     for yaml in [
         "hunav/hall.yaml",
         "nav2/tb3_sandbox.yaml",

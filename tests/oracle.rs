@@ -1,15 +1,17 @@
 //! Holds one ORCA step against the numbers of the reference implementation.
 //!
-//! The data lie in `../shared/oracle/orca` or in the folder that `TRODDEN_ORACLE` names; see the README there. Without
+//! The data lie in `../shared/oracle/orca` below the folder that `TRODDEN_SHARED` names; see the README there. Without
 //! them the tests say so and pass.
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
 use trodden::domain::geometry::Point;
 use trodden::domain::orca::{AgentParameters, HalfPlane, Obstacles, Simulation};
+
+use super::needs::Need;
 
 /// In m/s, for velocities and for largest violations.
 const TOLERANCE: f64 = 1e-4;
@@ -23,21 +25,6 @@ struct Agent {
     expected: Point,
     /// Whether no velocity kept all half-planes, where the oracle says so.
     infeasible: Option<bool>,
-}
-
-fn folder() -> Option<PathBuf> {
-    let shared = || {
-        let folder = std::env::var_os("TRODDEN_SHARED");
-        let folder =
-            folder.map_or_else(|| PathBuf::from(concat!(env!("CARGO_MANIFEST_DIR"), "/../shared")), PathBuf::from);
-        folder.join("oracle/orca")
-    };
-    let folder = std::env::var_os("TRODDEN_ORACLE").map_or_else(shared, PathBuf::from);
-    if folder.is_dir() {
-        return Some(folder);
-    }
-    println!("skipped: there is no ORCA oracle at {}", folder.display());
-    None
 }
 
 fn point(value: &Value) -> Point {
@@ -95,7 +82,7 @@ fn errors(simulation: &mut Simulation, agents: &[Agent]) -> Vec<f64> {
 
 #[test]
 fn one_step_of_300_random_cases_is_the_references() {
-    let Some(folder) = folder() else { return };
+    let Some(folder) = Need::Oracle.folder() else { return };
     let text = fs::read_to_string(folder.join("onestep.jsonl")).expect("the oracle has its cases");
     let (mut cases, mut agents_seen, mut by_cuts, mut found) = (0, 0, 0, Vec::new());
     for line in text.lines() {
@@ -318,7 +305,7 @@ fn compare(folder: &Path, scene: &str) -> Tally {
 
 #[test]
 fn every_step_of_twenty_scenes_is_the_references() {
-    let Some(folder) = folder() else { return };
+    let Some(folder) = Need::Oracle.folder() else { return };
     let mut scenes: Vec<String> = fs::read_dir(&folder)
         .expect("the oracle is a folder")
         .filter_map(|entry| entry.expect("an entry").file_name().to_str()?.strip_suffix(".traj.csv").map(str::to_owned))

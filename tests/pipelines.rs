@@ -2,10 +2,12 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output};
 
 use serde_json::Value;
+
+use super::needs::Need;
 
 /// The example that the stages were designed around; a score does without visits.
 const DESIGN: &str = r#"seed: 2023
@@ -64,17 +66,15 @@ fn check(file: &Path, maps: Option<&Path>) -> Vec<Value> {
 #[test]
 fn every_shipped_pipeline_is_planned() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let shared = std::env::var_os("TRODDEN_SHARED").map_or_else(|| root.join("../shared"), PathBuf::from);
-    let maps = shared.join("maps");
+    let maps = Need::Maps.folder();
     let mut seen = 0;
     for entry in fs::read_dir(root.join("pipelines")).expect("lists") {
         let file = entry.expect("lists").path();
         let needs_maps = fs::read_to_string(&file).expect("reads").contains("${TRODDEN_MAPS}");
-        if needs_maps && !maps.is_dir() {
-            println!("skipped {}: there is no {}", file.display(), maps.display());
+        if needs_maps && maps.is_none() {
             continue;
         }
-        let nodes = check(&file, needs_maps.then_some(maps.as_path()));
+        let nodes = check(&file, maps.as_deref().filter(|_| needs_maps));
         assert!(nodes.iter().any(|node| node["stage"] == "cost"), "{} ends in costs", file.display());
         seen += 1;
     }

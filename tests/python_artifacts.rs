@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use super::needs::Need;
 use super::promises::{Place, Told};
 
 /// The Python with what `tests/python/requirements.txt` lists: `TRODDEN_PYTHON`, or that of `.venv` in the repository.
@@ -14,7 +15,7 @@ fn python() -> Option<PathBuf> {
 #[test]
 fn python_opens_every_artifact() {
     let Some(python) = python() else {
-        println!("skipped: there is no `.venv/bin/python`, and `TRODDEN_PYTHON` names none");
+        Need::Python.missing("there is no `.venv/bin/python`, and `TRODDEN_PYTHON` names none");
         return;
     };
     let place = Place::finished();

@@ -23,6 +23,8 @@ use trodden::report::picture::{Scale, Shown};
 use trodden::report::{ReportError, html, png, terminal};
 use trodden::store::{Artifact, Outcome, Role, Run, RunNode, RunStatus, Store};
 
+use super::needs::Need;
+
 /// A run in the making, over artifacts of a temporary store.
 struct Maker {
     _folder: TempDir,
@@ -372,7 +374,7 @@ fn check_in_browser(path: &Path) {
         .arg(format!("file://{}", probed.display()))
         .output();
     let Ok(output) = run else {
-        println!("skipped: there is no `chromium` on the PATH to load the report in");
+        Need::Browser.missing("there is no `chromium` on the PATH to load the report in");
         return;
     };
     let dom = String::from_utf8_lossy(&output.stdout);

@@ -13,6 +13,8 @@ use proptest::prelude::*;
 use tempfile::TempDir;
 use trodden::store::{Artifact, Digest, Recipe, Record, Remembered, Store, StoreError};
 
+use super::needs::Need;
+
 /// Names the store that a child process of a test is to use, and what it is to do there.
 const CHILD_STORE: &str = "TRODDEN_TEST_STORE";
 const CHILD_TASK: &str = "TRODDEN_TEST_TASK";
@@ -278,9 +280,7 @@ fn fill(root: &Path) -> String {
 
 /// Runs a shell script in a mount namespace of its own, then the child; `None` where that is not allowed.
 fn in_namespace(script: &str, root: &Path) -> Option<String> {
-    let allowed = Command::new("unshare").args(["-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]).output();
-    if !allowed.is_ok_and(|output| output.status.success()) {
-        println!("skipped: a file system of its own needs `unshare` and the right to mount");
+    if !Need::Unshare.runs("unshare", &["-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]) {
         return None;
     }
     let script = format!("{script} && exec \"$@\"");

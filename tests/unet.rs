@@ -11,6 +11,8 @@ use trodden::domain::unet::{
     Array, BatchReport, Compute, DeviceName, EpochMetrics, Network, Simd, TrainConfig, TrainState, Trainer, UnetError,
 };
 
+use super::needs::Need;
+
 /// Windows that have something to learn: a cell's class is how many of its four neighbors are free.
 fn tiles(size: usize, windows: usize) -> Tiles {
     let mut stream = Stream::new(1, &[0; 32], 0, "test/tiles");
@@ -116,7 +118,7 @@ fn threads_do_not_change_a_bit() {
 #[test]
 fn avx2_and_avx512_give_the_same_bits() {
     if !Simd::Avx512.is_available() {
-        println!("skipped: this processor has no AVX-512");
+        Need::Avx512.missing("this processor has no AVX-512");
         return;
     }
     let tiles = tiles(16, 3);

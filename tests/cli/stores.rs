@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::process::Command;
 
 use super::{Place, Said, check};
+use crate::needs::Need;
 
 /// Where an object of a node lies.
 fn object(place: &Place, node: &str) -> PathBuf {
@@ -105,9 +106,7 @@ fn a_store_of_a_newer_version() {
 
 /// Runs the pipeline where a file system of its own is mounted first; `None`, with a line, where that is not allowed.
 fn in_namespace(place: &Place, script: &str) -> Option<Said> {
-    let allowed = Command::new("unshare").args(["-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]).output();
-    if !allowed.is_ok_and(|output| output.status.success()) {
-        println!("skipped: a file system of its own needs `unshare` and the right to mount");
+    if !Need::Unshare.runs("unshare", &["-rm", "mount", "-t", "tmpfs", "tmpfs", "/mnt"]) {
         return None;
     }
     let script = format!("{script} && cd \"$PWD\" && exec '{}' run tiny.yaml --quiet", env!("CARGO_BIN_EXE_trodden"));
