@@ -180,8 +180,8 @@ pub struct Inputs {
 #[derive(Debug, Clone)]
 pub enum Input {
     One(Artifact),
-    /// Members by name, in order of the group.
-    Group(Vec<(String, Artifact)>),
+    /// Members by name. In which order the file lists them is no input: they go by name, in the recipe as here.
+    Group(BTreeMap<String, Artifact>),
 }
 
 impl Inputs {
@@ -206,12 +206,12 @@ impl Inputs {
         }
     }
 
-    /// Returns the members of the group at a port.
+    /// Returns the members of the group at a port, by name.
     ///
     /// # Panics
     /// If the stage has no such port: the plan has checked that every port is connected.
     #[must_use]
-    pub fn group(&self, port: &str) -> &[(String, Artifact)] {
+    pub fn group(&self, port: &str) -> &BTreeMap<String, Artifact> {
         match self.ports.get(port) {
             Some(Input::Group(members)) => members,
             _ => panic!("the plan connects port `{port}` to a group"),

@@ -21,7 +21,7 @@ pub struct Tile(TileConfig);
 impl Definition for Tile {
     const SPEC: StageSpec = StageSpec {
         name: "tile",
-        version: 1,
+        version: 2,
         ports: &[
             Port { name: "map", kind: "OccupancyMap", arity: Arity::Group, doc: "The maps to cut." },
             Port { name: "labels", kind: "Labels", arity: Arity::Group, doc: "The labels of the same maps." },
@@ -41,12 +41,21 @@ impl Stage for Tile {
         super::to_json(self)
     }
 
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        let cells: u64 = inputs.group("map").values().map(|map| outline(store, map).rows).sum();
+        // Each cell is in as many windows as strides fit into one, twice a byte there, and once more as it is written.
+        let windows = u64::from(self.0.size.div_ceil(self.0.stride.max(1))).pow(2);
+        super::memory(cells.saturating_mul(32 + 4 * windows))
+    }
+
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let mut maps: Vec<(&str, OccupancyMap, Labels)> = Vec::new();
-        for ((name, map), (_, labels)) in inputs.group("map").iter().zip(inputs.group("labels")) {
+        let labels = inputs.group("labels");
+        for (name, map) in inputs.group("map") {
             if (context.cancelled)() {
                 return Err(StageError::Cancelled);
             }
+            let labels = labels.get(name).expect("the plan pairs the groups by name");
             let (map, _): (OccupancyMap, _) = read(context, map)?;
             let (labels, _): (Placed<Labels>, _) = read(context, labels)?;
             super::same_frame(name, map.frame(), "its labels", &labels.frame)?;

@@ -209,6 +209,31 @@ fn keys_are_what_they_were() {
 }
 
 #[test]
+fn the_order_of_a_group_is_no_input() {
+    let text = |first: usize, second: usize| {
+        HOMES.replace(
+            "{ homes: { count: 3 } }",
+            &format!("[{{ homes: {{ count: 1, first: {first} }} }}, {{ homes: {{ count: 2, first: {second} }} }}]"),
+        )
+    };
+    let (up, down) = (pipeline(&text(0, 1), &[]), pipeline(&text(2, 0), &[]));
+    let keys = |seen: &Seen| -> std::collections::BTreeMap<String, _> {
+        seen.report.run.nodes.iter().map(|node| (node.node.to_string(), node.key)).collect()
+    };
+    let place = Place::new();
+    let (one, other) = (place.run(&up), Place::new().run(&down));
+    assert_eq!(one.digests(), other.digests());
+    assert_eq!(keys(&one), keys(&other));
+    let again = place.run(&down);
+    assert_eq!(again.counts(), [0, NODES, 0, 0]);
+    // The table names its members in the order in which it was handed them.
+    let table = place.store.read(&one.digests()["table"]).expect("it is there");
+    let table = String::from_utf8(table).expect("toys write text");
+    let names: Vec<&str> = table.lines().filter_map(|line| line.split_once(':')).map(|(name, _)| name).collect();
+    assert_eq!(names, ["home_00", "home_01", "home_02"]);
+}
+
+#[test]
 fn events_come_in_order_and_fold_into_the_report() {
     let seen = Place::new().run(&pipeline(HOMES, &[]));
     assert!(matches!(&seen.events[0], Event::RunStarted { nodes, .. } if *nodes == NODES));

@@ -170,8 +170,8 @@ impl Toy {
             "count" => format!("counts {}", read(store, inputs.one("walks"))?),
             "join" => {
                 let mut text = String::from("table");
-                for ((name, map), (other, labels)) in inputs.group("maps").iter().zip(inputs.group("labels")) {
-                    assert_eq!(name, other, "groups come in the same order");
+                for (name, map) in inputs.group("maps") {
+                    let labels = &inputs.group("labels")[name];
                     text += &format!("\n{name}: {} {}", read(store, map)?, Self::mix(&read(store, labels)?));
                 }
                 text

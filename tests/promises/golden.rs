@@ -133,7 +133,7 @@ fn output_changes_only_with_a_version() {
     let (map, visits, labels, heat) =
         (bench.put(&map()), bench.put(&visits()), bench.put(&labels()), bench.put(&heat()));
     let group = |input: &Input| match input {
-        Input::One(artifact) => Input::Group(vec![("room".to_owned(), artifact.clone())]),
+        Input::One(artifact) => Input::Group(BTreeMap::from([("room".to_owned(), artifact.clone())])),
         Input::Group(_) => unreachable!("each was put alone"),
     };
 
@@ -163,7 +163,7 @@ fn output_changes_only_with_a_version() {
         "quantize 1 7089c2aa43a06555",
         "quantize 1 a99bdda8331c742f",
         "quantize 1 bbe1b8ff943e230b",
-        "tile 1 bd45e6435455d7e2",
+        "tile 2 bd45e6435455d7e2",
         "score 1 5da5eda6688a0690",
         "navigate 1 67d0956facdb49a8",
         "cost 1 055f1b2a0471c338",

@@ -190,19 +190,19 @@ impl<'a> Assignment<'a> {
     }
 }
 
-fn inputs(ledger: &Ledger, of: &Task) -> Inputs {
+/// Puts together what a task reads; all of it is known.
+pub(super) fn inputs(ledger: &Ledger, of: &Task) -> Inputs {
     let artifact = |task: usize| ledger.artifacts[task].clone().expect("what a task reads is known before it runs");
-    let group = |members: &[(Arc<str>, usize)]| -> Vec<(String, Artifact)> {
-        members.iter().map(|(name, task)| (name.to_string(), artifact(*task))).collect()
-    };
-    let mut inputs = Inputs { parts: group(&of.parts), previous: of.previous.map(artifact), ..Inputs::default() };
+    let named = |(name, task): &(Arc<str>, usize)| (name.to_string(), artifact(*task));
+    let parts = of.parts.iter().map(named).collect();
+    let mut inputs = Inputs { parts, previous: of.previous.map(artifact), ..Inputs::default() };
     if of.work == Work::Close {
         return inputs;
     }
     for feed in &of.ports {
         let input = match &feed.from {
             From::One(task) => Input::One(artifact(*task)),
-            From::Group(members) => Input::Group(group(members)),
+            From::Group(members) => Input::Group(members.iter().map(named).collect()),
         };
         inputs.ports.insert(feed.port.to_owned(), input);
     }
