@@ -387,7 +387,7 @@ impl<'a> Ledger<'a> {
             kind: node.spec.output.name.to_owned(),
             format: node.spec.output.format,
             parameters,
-            seed: node.spec.seeded.then_some(self.graph.pipeline.seed),
+            seed: node.seed,
             environment: node.stage.environment(),
             inputs,
         }

@@ -23,13 +23,7 @@ pub fn schema(register: &Register) -> Value {
                 "pattern": "^[A-Za-z_][A-Za-z0-9_-]*$",
                 "description": "Name of the pipeline; by default that of its file."
             },
-            "seed": {
-                "type": "integer",
-                "minimum": 0,
-                "maximum": u64::MAX,
-                "default": 0,
-                "description": "What every stage that draws random numbers starts from."
-            },
+            "seed": seed_schema("What every stage that draws random numbers starts from, unless it names a seed of its own [0]."),
             "maps": {
                 "type": "object",
                 "description": "Named groups of maps, for `$maps.GROUP`; `$maps` are all of them.",
@@ -61,6 +55,10 @@ fn stage_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
     if let Some(Value::Object(parameters)) = own.get_mut("properties").map(Value::take) {
         properties.extend(parameters);
     }
+    if entry.spec.seeded {
+        let doc = "What its random numbers start from, in place of the pipeline's seed: another one makes a replicate.";
+        properties.insert("seed".to_owned(), seed_schema(doc));
+    }
     let mut required = vec![json!("use")];
     let needed = entry.spec.ports.iter().filter(|port| port.arity != Arity::Optional);
     required.extend(needed.map(|port| json!(port.name)));
@@ -76,6 +74,10 @@ fn stage_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
         "patternProperties": { "^<<$": {} },
         "additionalProperties": false
     })
+}
+
+fn seed_schema(doc: &str) -> Value {
+    json!({ "type": "integer", "minimum": 0, "maximum": u64::MAX, "description": doc })
 }
 
 fn port_schema(port: &Port) -> Value {
@@ -94,6 +96,10 @@ fn source_schema(sources: &[MapSource], definitions: &mut Map<String, Value>) ->
         let mut schema = adopt((source.schema)(), source.name, definitions);
         if let Value::Object(schema) = &mut schema {
             schema.insert("description".to_owned(), json!(source.doc));
+            if let (true, Some(Value::Object(properties))) = (source.seeded, schema.get_mut("properties")) {
+                let doc = "What these maps are drawn from, in place of the pipeline's seed.";
+                properties.insert("seed".to_owned(), seed_schema(doc));
+            }
         }
         properties.insert(source.name.to_owned(), schema);
     }

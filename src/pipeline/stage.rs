@@ -52,7 +52,7 @@ pub struct StageSpec {
     pub version: u32,
     pub ports: &'static [Port],
     pub output: KindSpec,
-    /// Whether the pipeline's seed enters the recipe.
+    /// Whether it draws random numbers: then a seed enters the recipe, and a use may name one of its own.
     pub seeded: bool,
     /// One sentence for the JSON Schema and the help.
     pub doc: &'static str,
@@ -222,7 +222,7 @@ impl Inputs {
 /// What surrounds a running part: the store, the seed, and the ears that want to hear how far it is.
 pub struct Context<'a> {
     pub store: &'a Store,
-    /// The pipeline's seed.
+    /// The seed of this use of the stage, or else the pipeline's.
     pub seed: u64,
     /// Called with what is done and what there is to do.
     pub progress: &'a (dyn Fn(u64, u64) + Sync),
@@ -301,6 +301,8 @@ pub struct MapSource {
     /// The key, such as `homes` or `files`.
     pub name: &'static str,
     pub doc: &'static str,
+    /// Whether its nodes draw random numbers: then an entry that is a mapping may name a `seed` of its own.
+    pub seeded: bool,
     /// Expands the value; relative paths and globs are resolved against the given folder. The values of environment
     /// variables have been put in already.
     pub expand: fn(&Value, &std::path::Path) -> Result<Vec<MapNode>, ParameterError>,

@@ -19,24 +19,28 @@ pub const SOURCES: &[MapSource] = &[
     MapSource {
         name: "homes",
         doc: "Generated homes `home_00`, `home_01`, …",
+        seeded: true,
         expand: |value, _| generated(value, HomeKind::Home, "home"),
         schema: generated_schema,
     },
     MapSource {
         name: "offices",
         doc: "Generated offices `office_00`, `office_01`, …",
+        seeded: true,
         expand: |value, _| generated(value, HomeKind::Office, "office"),
         schema: generated_schema,
     },
     MapSource {
         name: "files",
         doc: "Maps of ROS `map_server` (their YAML files) and plain images, by path or glob.",
+        seeded: false,
         expand: files,
         schema: files_schema,
     },
     MapSource {
         name: "igibson",
         doc: "Folders of iGibson scenes, by path or glob.",
+        seeded: false,
         expand: files,
         schema: files_schema,
     },

@@ -52,6 +52,26 @@ fn a_changed_parameter_runs_what_lies_downstream_and_the_old_value_is_a_hit() {
 }
 
 #[test]
+fn a_stage_with_a_seed_of_its_own_reruns_alone_with_what_hangs_on_it() {
+    let place = Place::new();
+    let first = place.run(&pipeline(HOMES, &[]));
+    let replicate = pipeline(HOMES, &["model.seed=8"]);
+    let seen = place.run(&replicate);
+    assert_eq!(seen.ran().len(), 4 + 2 + 2);
+    assert!(seen.ran().iter().all(|node| ["model", "heat/", "scores/"].iter().any(|stage| node.starts_with(stage))));
+    // It is the seed that the stage was handed, and that its recipe names.
+    assert_eq!(seen.digests()["model"], Place::new().run(&pipeline(HOMES, &["model.seed=8"])).digests()["model"]);
+    assert_ne!(seen.digests()["model"], first.digests()["model"]);
+    let model = seen.report.run.nodes.iter().find(|node| node.node == "model").and_then(|node| node.key);
+    let record = place.store.recall(&model.expect("it ran")).expect("it can be read").expect("it is on record");
+    assert_eq!(record.recipe.seed, Some(8));
+    // Its own seed stays as the pipeline's changes; written out, the pipeline's own seed is the same as none.
+    let walks = place.run(&pipeline(HOMES, &["seed=8", "walks.seed=7"]));
+    assert!(walks.with(Outcome::Hit).contains(&"walks/home_00/chunk-00"));
+    assert_eq!(place.run(&pipeline(HOMES, &["model.seed=7"])).counts(), [0, NODES, 0, 0]);
+}
+
+#[test]
 fn the_seed_enters_the_recipes_of_those_who_use_it() {
     let place = Place::new();
     place.run(&pipeline(HOMES, &[]));

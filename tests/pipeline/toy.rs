@@ -349,7 +349,7 @@ pub static REGISTER: Register = Register {
         entry!(SEED),
     ],
     maps: &[
-        MapSource { name: "homes", doc: "Numbered maps.", expand: count_maps, schema: count_schema },
-        MapSource { name: "files", doc: "Files.", expand: file_maps, schema: || serde_json::json!({}) },
+        MapSource { name: "homes", doc: "Numbered maps.", seeded: false, expand: count_maps, schema: count_schema },
+        MapSource { name: "files", doc: "Files.", seeded: false, expand: file_maps, schema: || serde_json::json!({}) },
     ],
 };

@@ -19,17 +19,18 @@ enum Fed {
 /// Builds the nodes of all maps and stages.
 pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), Vec<Problem>> {
     let order = order(&declared.stages)?;
-    let mut graph = Graph { groups: Vec::new(), nodes: Vec::new(), outputs: BTreeMap::new() };
+    let mut graph = Graph { seed: declared.seed, groups: Vec::new(), nodes: Vec::new(), outputs: BTreeMap::new() };
     let maps: Arc<str> = Arc::from("maps");
     for group in declared.groups {
         let first = graph.nodes.len();
         for map in group.maps {
             graph.nodes.push(Node {
-                name: format!("maps/{}", map.name),
+                name: format!("maps/{}", map.node.name),
                 stage_name: Arc::clone(&maps),
-                member: Some(Arc::from(map.name)),
-                spec: map.spec,
-                stage: map.stage,
+                member: Some(Arc::from(map.node.name)),
+                spec: map.node.spec,
+                stage: map.node.stage,
+                seed: map.node.spec.seeded.then(|| map.seed.unwrap_or(declared.seed)),
                 inputs: Vec::new(),
             });
         }
@@ -139,6 +140,8 @@ impl Search<'_> {
 }
 
 struct Graph {
+    /// The pipeline's seed.
+    seed: u64,
     groups: Vec<MapGroup>,
     nodes: Vec<Node>,
     /// What each stage makes; the maps stand under the empty name.
@@ -213,6 +216,7 @@ impl Graph {
             member,
             spec: stage.entry.spec,
             stage: Arc::clone(&stage.stage),
+            seed: stage.entry.spec.seeded.then(|| stage.seed.unwrap_or(self.seed)),
             inputs: fed.iter().map(connect).collect(),
         });
         self.nodes.len() - 1

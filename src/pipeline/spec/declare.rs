@@ -25,7 +25,14 @@ pub(super) struct Declared {
 /// A group of maps.
 pub(super) struct Group {
     pub name: String,
-    pub maps: Vec<MapNode>,
+    pub maps: Vec<Map>,
+}
+
+/// A map of a group.
+pub(super) struct Map {
+    pub node: MapNode,
+    /// The seed that its entry names.
+    pub seed: Option<u64>,
 }
 
 /// A use of a stage.
@@ -34,6 +41,8 @@ pub(super) struct Use {
     pub name_span: Span,
     pub entry: &'static Entry,
     pub stage: Arc<dyn Stage>,
+    /// The seed that it names.
+    pub seed: Option<u64>,
     /// One reference for each connected port, in order of the ports.
     pub ports: Vec<(&'static Port, Reference)>,
 }
@@ -172,8 +181,11 @@ fn expand(member: &Member, folder: &Path, register: &Register, problems: &mut Ve
         problems.push(Problem::new(member.key_span, message).with_help_from(help));
         return Vec::new();
     };
-    match (source.expand)(&member.value.to_json(), folder) {
-        Ok(maps) => maps,
+    let settings = member.value.members();
+    let seed = settings.and_then(|settings| own_seed(settings, source.name, source.seeded, problems));
+    let value = settings.map_or_else(|| member.value.to_json(), |settings| object(settings.iter().filter(no_seed)));
+    match (source.expand)(&value, folder) {
+        Ok(maps) => maps.into_iter().map(|node| Map { node, seed }).collect(),
         Err(error) => {
             problems.extend(explain_source(source, member, folder, error));
             Vec::new()
@@ -184,10 +196,11 @@ fn expand(member: &Member, folder: &Path, register: &Register, problems: &mut Ve
 fn explain_source(source: &MapSource, member: &Member, folder: &Path, error: ParameterError) -> Vec<Problem> {
     match member.value.members() {
         Some(members) => {
-            let members: Vec<&Member> = members.iter().collect();
+            let members: Vec<&Member> = members.iter().filter(no_seed).collect();
             let parse = |value: &Value| (source.expand)(value, folder).map(drop);
+            let more = if source.seeded { &["seed"][..] } else { &[] };
             let refused =
-                parameters::Refused { members: &members, at: member.value.span, owner: source.name, ports: &[] };
+                parameters::Refused { members: &members, at: member.value.span, owner: source.name, more };
             refused.explain(&(source.schema)(), &parse, error)
         }
         None => {
@@ -215,6 +228,7 @@ fn read_stage(member: &Member, register: &Register, problems: &mut Vec<Problem>)
         return None;
     };
     let entry = keep(read_use(member, settings, register), problems)?;
+    let seed = own_seed(settings, entry.spec.name, entry.spec.seeded, problems);
     let stage = read_parameters(member, settings, entry, problems);
     let ports = read_ports(member, settings, entry, problems);
     let stage = stage?;
@@ -226,7 +240,22 @@ fn read_stage(member: &Member, register: &Register, problems: &mut Vec<Problem>)
     if let Some(parts) = empty {
         problems.push(Problem::new(member.key_span, format!("`{}` would have no {parts}", member.key)));
     }
-    Some(Use { name: member.key.clone(), name_span: member.key_span, entry, stage, ports: ports? })
+    Some(Use { name: member.key.clone(), name_span: member.key_span, entry, stage, seed, ports: ports? })
+}
+
+/// Reads the seed that a use of a stage or a source of maps names for itself.
+fn own_seed(settings: &[Member], owner: &str, seeded: bool, problems: &mut Vec<Problem>) -> Option<u64> {
+    let setting = settings.iter().find(|setting| !no_seed(setting))?;
+    if !seeded {
+        let message = format!("`{owner}` draws no random numbers, so it takes no `seed`");
+        problems.push(Problem::new(setting.key_span, message).with_help("leave it out"));
+        return None;
+    }
+    keep(read_seed(&setting.value), problems)
+}
+
+fn no_seed(setting: &&Member) -> bool {
+    setting.key != "seed"
 }
 
 fn read_use(member: &Member, settings: &[Member], register: &Register) -> Result<&'static Entry, Problem> {
@@ -284,9 +313,10 @@ fn read_parameters(
     entry: &'static Entry,
     problems: &mut Vec<Problem>,
 ) -> Option<Arc<dyn Stage>> {
-    let ports: Vec<&str> = entry.spec.ports.iter().map(|port| port.name).collect();
-    let own: Vec<&Member> =
-        settings.iter().filter(|setting| setting.key != "use" && !ports.contains(&setting.key.as_str())).collect();
+    let mut common: Vec<&str> = entry.spec.ports.iter().map(|port| port.name).collect();
+    common.extend(entry.spec.seeded.then_some("seed"));
+    let is_common = |key: &str| key == "use" || key == "seed" || common.contains(&key);
+    let own: Vec<&Member> = settings.iter().filter(|setting| !is_common(&setting.key)).collect();
     match (entry.parse)(&object(own.iter().copied())) {
         Ok(stage) => Some(stage),
         Err(error) => {

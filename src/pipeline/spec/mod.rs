@@ -40,6 +40,7 @@ pub struct Pipeline {
     pub file: PathBuf,
     /// The text of the file, below the settings as comments.
     pub source: String,
+    /// The seed of all nodes that name none of their own.
     pub seed: u64,
     /// The groups of maps, in order of the file.
     pub groups: Vec<MapGroup>,
@@ -67,6 +68,8 @@ pub struct Node {
     pub spec: &'static StageSpec,
     /// The parameters; the nodes of one mapped stage share them.
     pub stage: Arc<dyn Stage>,
+    /// What its random numbers start from, if it draws any.
+    pub seed: Option<u64>,
     /// One connection for each port that has one, in order of the ports.
     pub inputs: Vec<Connection>,
 }

@@ -43,6 +43,40 @@ fn settings_that_are_wrong() {
       |
       = help: write `--set stage.parameter=value`, such as `--set labels.classes=4`
     ");
+    insta::assert_snapshot!(set("labels.seed=4"), @r"
+    error: `label` draws no random numbers, so it takes no `seed`
+     --> --set:1:8
+      |
+    1 | labels.seed=4
+      |        ^^^^
+      |
+      = help: leave it out
+    ");
+    insta::assert_snapshot!(set("walks.seed=few"), @r"
+    error: `seed` is a whole number from 0 to 18446744073709551615
+     --> --set:1:12
+      |
+    1 | walks.seed=few
+      |            ^^^
+    ");
+    insta::assert_snapshot!(set("walks.sede=4"), @r"
+    error: `walks` has no parameter `sede`
+     --> --set:1:7
+      |
+    1 | walks.sede=4
+      |       ^^^^
+      |
+      = help: did you mean `seed`?
+    ");
+    insta::assert_snapshot!(set("maps.train.homes.seed=4"), @r"
+    error: `homes` draws no random numbers, so it takes no `seed`
+     --> --set:1:18
+      |
+    1 | maps.train.homes.seed=4
+      |                  ^^^^
+      |
+      = help: leave it out
+    ");
     insta::assert_snapshot!(set("labels.classes=1"), @r"
     error: `classes` is 1: it must be from 2 to 100
      --> --set:1:16
