@@ -190,7 +190,8 @@ impl<'a> Ledger<'a> {
     pub(crate) fn advance(&mut self) -> Vec<usize> {
         let mut settled = Vec::new();
         while let Some(task) = self.settling.pop() {
-            if self.status[task] != Status::Waiting {
+            // What it reads may be on its way again since it was put here: it comes back once that is known.
+            if self.status[task] != Status::Waiting || self.pending[task] > 0 {
                 continue;
             }
             match self.settle(task) {
@@ -242,36 +243,55 @@ impl<'a> Ledger<'a> {
         self.graph.tasks[task].reads.iter().any(todo)
     }
 
-    /// Has the absent inputs of a task that runs made again first; it waits for them.
+    /// Has the absent inputs of a task that runs made again first; it waits for them, and for what is on its way already.
     fn demand(&mut self, task: usize) {
         let graph = self.graph;
         let mut demanding = vec![task];
         while let Some(task) = demanding.pop() {
-            let of = &graph.tasks[task];
-            // The end of a chain reads nothing but the last step.
-            let reads = if of.work == Work::Close { of.previous.as_slice() } else { &of.reads };
-            let mut missing = 0;
-            for read in reads.iter().copied().filter(|read| self.status[*read] == Status::Absent).collect::<Vec<_>>() {
+            for read in self.opened(task).iter().copied() {
+                if self.status[read] != Status::Absent {
+                    continue;
+                }
                 self.required[read] = true;
                 self.needed_by[read] = Some(task);
                 if self.foresee {
                     self.status[read] = Status::Todo(Reason::Needed { by: task });
                     demanding.push(read);
-                    continue;
-                }
-                missing += 1;
-                self.status[read] = Status::Waiting;
-                self.pending[read] = 0;
-                self.settling.push(read);
-                for dependent in &graph.dependents[read] {
-                    if *dependent != task && self.status[*dependent] == Status::Waiting {
-                        self.pending[*dependent] += 1;
-                    }
+                } else {
+                    self.look_again(read);
                 }
             }
-            if missing > 0 {
+            if self.foresee {
+                continue;
+            }
+            let unknown = graph.tasks[task].reads.iter().filter(|read| !self.is_known(**read)).count();
+            if unknown > 0 {
                 self.status[task] = Status::Waiting;
-                self.pending[task] = missing;
+                self.pending[task] = unknown;
+            }
+        }
+    }
+
+    /// Returns those of the tasks that a task reads whose objects it opens: the end of a chain only passes on what the last
+    /// step made.
+    fn opened(&self, task: usize) -> &'a [usize] {
+        let graph = self.graph;
+        let of = &graph.tasks[task];
+        if of.work == Work::Close { of.previous.as_slice() } else { &of.reads }
+    }
+
+    /// Takes an absent task for one that is not known any more, since it will be made again, maybe with other bytes; who
+    /// waits with it for something else waits for it as well.
+    fn look_again(&mut self, task: usize) {
+        let graph = self.graph;
+        self.status[task] = Status::Waiting;
+        self.pending[task] = graph.tasks[task].reads.iter().filter(|read| !self.is_known(**read)).count();
+        if self.pending[task] == 0 {
+            self.settling.push(task);
+        }
+        for dependent in &graph.dependents[task] {
+            if self.status[*dependent] == Status::Waiting {
+                self.pending[*dependent] += 1;
             }
         }
     }

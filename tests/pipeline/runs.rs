@@ -15,8 +15,11 @@ pub fn remove(place: &Place, seen: &Seen, node: &str) {
     let node = seen.report.run.nodes.iter().find(|found| found.node == node).expect("the run has the node");
     for file in &node.artifact.as_ref().expect("it has an artifact").files {
         let path = place.store.path_of(&file.digest);
-        fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).expect("the object is there");
-        fs::remove_file(path).expect("the object is there");
+        // Nodes may share objects: that of a chain has those of its last step.
+        if path.exists() {
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o644)).expect("the object is there");
+            fs::remove_file(path).expect("the object is there");
+        }
     }
 }
 
@@ -214,21 +217,6 @@ fn one_thread_and_eight_give_equal_digests() {
 }
 
 #[test]
-fn keys_are_what_they_were() {
-    // The golden key: when it changes, every store starts anew, so it must be on purpose.
-    let seen = Place::new().run(&pipeline(HOMES, &[]));
-    let key = |name: &str| {
-        let node = seen.report.run.nodes.iter().find(|node| node.node == name).expect("the run has the node");
-        node.key.expect("it ran").to_string()
-    };
-    insta::assert_snapshot!(key("labels/home_00"), @"94621486adbc");
-    insta::assert_snapshot!(key("walks/home_00/chunk-01"), @"1516203495c5");
-    insta::assert_snapshot!(key("table"), @"510657856db5");
-    insta::assert_snapshot!(key("model/epoch-02"), @"1563b60224cd");
-    insta::assert_snapshot!(key("model"), @"2954036af0f4");
-}
-
-#[test]
 fn the_order_of_a_group_is_no_input() {
     let text = |first: usize, second: usize| {
         HOMES.replace(
@@ -251,6 +239,21 @@ fn the_order_of_a_group_is_no_input() {
     let table = String::from_utf8(table).expect("toys write text");
     let names: Vec<&str> = table.lines().filter_map(|line| line.split_once(':')).map(|(name, _)| name).collect();
     assert_eq!(names, ["home_00", "home_01", "home_02"]);
+}
+
+#[test]
+fn keys_are_what_they_were() {
+    // The golden key: when it changes, every store starts anew, so it must be on purpose.
+    let seen = Place::new().run(&pipeline(HOMES, &[]));
+    let key = |name: &str| {
+        let node = seen.report.run.nodes.iter().find(|node| node.node == name).expect("the run has the node");
+        node.key.expect("it ran").to_string()
+    };
+    insta::assert_snapshot!(key("labels/home_00"), @"94621486adbc");
+    insta::assert_snapshot!(key("walks/home_00/chunk-01"), @"1516203495c5");
+    insta::assert_snapshot!(key("table"), @"510657856db5");
+    insta::assert_snapshot!(key("model/epoch-02"), @"1563b60224cd");
+    insta::assert_snapshot!(key("model"), @"2954036af0f4");
 }
 
 #[test]

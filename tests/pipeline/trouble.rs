@@ -9,8 +9,10 @@ use trodden::pipeline::event::Event;
 use trodden::pipeline::execute::{Options, execute};
 use trodden::store::{Outcome, RunStatus};
 
+use proptest::prelude::*;
+
 use super::runs::remove;
-use super::{HOMES, NODES, Place, pipeline, read_in};
+use super::{HOMES, NODES, Place, Seen, pipeline, read_in};
 
 #[test]
 fn what_needs_a_failed_node_is_skipped_and_nothing_new_starts() {
@@ -184,4 +186,72 @@ fn exclusive_nodes_run_alone_and_memory_is_kept() {
     assert_eq!(overlaps("walks.exclusive=true", "walks/"), 1);
     assert_eq!(overlaps(&format!("walks.memory={}", 200_u64 << 20), "walks/"), 1);
     assert!(overlaps(&format!("walks.memory={}", 40_u64 << 20), "walks/") > 1);
+}
+
+/// Runs what a change of the words of some stages asks for, with many jobs, after the objects of some nodes are gone.
+fn run_without(gone: &[&str], sets: &[&str], only: &[&str]) -> (Place, Seen) {
+    let place = Place::new();
+    let first = place.run(&pipeline(HOMES, &[]));
+    for node in gone {
+        remove(&place, &first, node);
+    }
+    let seen = place.run_with(&pipeline(HOMES, sets), |options| {
+        options.jobs = 4;
+        options.only = only.iter().map(|name| (*name).to_owned()).collect();
+    });
+    assert_eq!(seen.report.failures, [], "without {gone:?}, {sets:?}, only {only:?}");
+    assert_eq!(seen.report.run.status, RunStatus::Finished);
+    (place, seen)
+}
+
+#[test]
+fn nothing_starts_before_what_it_reads_is_made_again() {
+    // Two chunks read the map, and neither the map nor its other readers were asked for.
+    let (_, seen) = run_without(&["maps/home_00"], &["walks.word=x", "walks.wait=2"], &["walks/home_00"]);
+    let expected = ["maps/home_00", "walks/home_00", "walks/home_00/chunk-00", "walks/home_00/chunk-01"];
+    assert_eq!(seen.ran(), expected);
+    // What is gone lies one behind the other: the last epoch needs the one before and the table, and that the labels.
+    let gone = ["model", "model/epoch-02", "table", "labels/home_01"];
+    let (_, seen) = run_without(&gone, &["heat.word=x"], &["heat/home_10"]);
+    let expected = ["heat/home_10", "labels/home_01", "model/epoch-02", "model/epoch-03", "table"];
+    assert_eq!(seen.ran(), expected);
+    // Readers at different depths: the map of a table, and the labels that come from the same map.
+    let gone = ["maps/home_01", "labels/home_01", "counts/home_01"];
+    let (_, seen) = run_without(&gone, &["table.word=x"], &["table"]);
+    assert_eq!(seen.ran(), ["counts/home_01", "labels/home_01", "maps/home_01", "table"]);
+}
+
+/// The stages of the example, by the setting that makes their nodes run again.
+const STAGES: [&str; 7] = ["walks", "counts", "labels", "table", "model", "heat", "scores"];
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+
+    #[test]
+    fn whatever_is_gone_is_made_again_before_it_is_read(
+        gone in prop::collection::btree_set(0..NODES, 0..12),
+        changed in prop::sample::subsequence(&STAGES[..], 0..3),
+        asked in prop::sample::subsequence(&STAGES[..], 0..3),
+        waits in prop::sample::subsequence(&STAGES[..], 0..4),
+    ) {
+        let place = Place::new();
+        let homes = pipeline(HOMES, &[]);
+        let first = place.run(&homes);
+        for node in gone {
+            remove(&place, &first, first.report.run.nodes[node].node.as_str());
+        }
+        let sets: Vec<String> = changed.iter().map(|stage| format!("{stage}.word=x")).collect();
+        let waits: Vec<String> = waits.iter().map(|stage| format!("{stage}.wait=1")).collect();
+        let sets: Vec<&str> = sets.iter().chain(&waits).map(String::as_str).collect();
+        let only: Vec<String> = asked.iter().map(|stage| (*stage).to_owned()).collect();
+        let seen = place.run_with(&pipeline(HOMES, &sets), |options| (options.jobs, options.only) = (4, only.clone()));
+        prop_assert_eq!(&seen.report.failures, &[]);
+        prop_assert_eq!(seen.report.run.status, RunStatus::Finished);
+        let fresh = Place::new().run_with(&pipeline(HOMES, &sets), |options| options.only = only);
+        for node in &fresh.report.run.nodes {
+            if let Some(artifact) = &node.artifact {
+                prop_assert_eq!(seen.digests().get(node.node.as_str()), Some(&artifact.digest), "{}", node.node);
+            }
+        }
+    }
 }
