@@ -145,8 +145,8 @@ fn read_maps(value: &Tree, folder: &Path, register: &Register, problems: &mut Ve
         for entry in entries {
             for source in mapping(entry, &format!("group `{}`", member.key), problems) {
                 for map in expand(source, folder, register, problems) {
-                    if let Some(first) = seen.insert(map.name.clone(), source.key_span) {
-                        let problem = Problem::new(source.key_span, format!("two maps are called `{}`", map.name));
+                    if let Some(first) = seen.insert(map.node.name.clone(), source.key_span) {
+                        let problem = Problem::new(source.key_span, format!("two maps are called `{}`", map.node.name));
                         let first = (first != source.key_span).then_some(first);
                         let help = match source.key.as_str() {
                             "files" | "igibson" => {
@@ -174,7 +174,7 @@ fn read_maps(value: &Tree, folder: &Path, register: &Register, problems: &mut Ve
 }
 
 /// Expands one source of maps; of several maps of one name in it, one is reported.
-fn expand(member: &Member, folder: &Path, register: &Register, problems: &mut Vec<Problem>) -> Vec<MapNode> {
+fn expand(member: &Member, folder: &Path, register: &Register, problems: &mut Vec<Problem>) -> Vec<Map> {
     let Some(source) = register.maps.iter().find(|source| source.name == member.key) else {
         let message = format!("there is no source of maps called `{}`", member.key);
         let help = suggest::help(&member.key, register.maps.iter().map(|source| source.name));
@@ -322,7 +322,7 @@ fn read_parameters(
         Err(error) => {
             let schema = (entry.schema)();
             let parse = |value: &Value| (entry.parse)(value).map(drop);
-            let refused = parameters::Refused { members: &own, at: member.key_span, owner: &member.key, ports: &ports };
+            let refused = parameters::Refused { members: &own, at: member.key_span, owner: &member.key, more: &common };
             problems.extend(refused.explain(&schema, &parse, error));
             None
         }

@@ -18,7 +18,7 @@ pub(super) struct Refused<'a> {
     /// Who has these parameters: a use of a stage, or a source of maps.
     pub owner: &'a str,
     /// The other keys that the mapping may have.
-    pub ports: &'a [&'a str],
+    pub more: &'a [&'a str],
 }
 
 impl Refused<'_> {
@@ -28,7 +28,7 @@ impl Refused<'_> {
     /// one can be suggested.
     pub(super) fn explain(&self, schema: &Value, parse: Parse, error: ParameterError) -> Vec<Problem> {
         let mut problems = Vec::new();
-        unknown_keys(self.members, self.owner, self.ports, schema, schema, &mut problems);
+        unknown_keys(self.members, self.owner, self.more, schema, schema, &mut problems);
         if !problems.is_empty() {
             return problems;
         }
@@ -80,7 +80,7 @@ fn in_plain_words(message: &str) -> String {
 fn unknown_keys(
     members: &[&Member],
     owner: &str,
-    ports: &[&str],
+    more: &[&str],
     schema: &Value,
     root: &Value,
     problems: &mut Vec<Problem>,
@@ -97,7 +97,7 @@ fn unknown_keys(
             }
             continue;
         }
-        let names = properties.keys().map(String::as_str).chain(ports.iter().copied());
+        let names = properties.keys().map(String::as_str).chain(more.iter().copied());
         problems.push(
             Problem::new(member.key_span, format!("`{owner}` has no parameter `{}`", member.key))
                 .with_help_from(suggest::help(&member.key, names)),
