@@ -21,7 +21,7 @@ stages:
   labels: { use: quantize,  map: $maps, visits: visits, classes: 3 }
   tiles:  { use: tile,      map: $maps.train, labels: labels.train, size: 64, stride: 8 }
   model:  { use: train,     tiles: tiles, epochs: 5 }
-  heat:   { use: annotate,  map: $maps.test, model: model, stride: 4 }
+  heat:   { use: annotate,  map: $maps.test, model: model, mode: exact, stride: 4 }
   scores: { use: score,     heat: heat, labels: labels.test }
   trips:  { use: navigate,  map: $maps.test, episodes: 70, <<: *crowd, agents: [5, 8] }
   costs:  { use: cost,      trips: trips, heat: heat }

@@ -28,7 +28,7 @@ stages:
   labels: { use: quantize, map: $maps, visits: visits, classes: 3 }
   tiles: { use: tile, map: $maps.train, labels: labels.train, size: 16, stride: 16, min_labeled: 64 }
   model: { use: train, tiles: tiles, epochs: 2 }
-  heat: { use: annotate, map: $maps.test, model: model, stride: 16 }
+  heat: { use: annotate, map: $maps.test, model: model, mode: exact, stride: 16 }
   scores: { use: score, heat: heat, labels: labels.test, visits: visits.test }
   trips: { use: navigate, map: $maps.test, episodes: 5, steps: 20, <<: *crowd, agents: [5, 6] }
   costs: { use: cost, trips: trips, heat: heat }

@@ -218,7 +218,7 @@ fn dense_mode_is_one_image_of_the_whole_map() {
     let (rows, cols) = (13, 420);
     let free = Grid::from_fn(rows, cols, |_| stream.unit() > 0.3);
     let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
-    let config = AnnotateConfig { mode: Mode::Dense, offsets: 1, ..AnnotateConfig::default() };
+    let config = AnnotateConfig { mode: Mode::Dense { offsets: 1 }, ..AnnotateConfig::default() };
     let annotation = annotate(&map, 64, 3, &config, &network, &mut |_, _| ControlFlow::Continue(())).expect("in range");
     let (margin, height, width) = (64, 144, 552);
     let image: Vec<u8> = (0..height * width)
@@ -244,7 +244,7 @@ fn central_cells_do_not_need_their_windows() {
     let free = Grid::from_fn(rows, cols, |_| stream.unit() > 0.3);
     let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
     for stride in [9, 20] {
-        let config = AnnotateConfig { stride, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        let config = AnnotateConfig { mode: Mode::Exact(Overlap::PerPixel { stride }), ..AnnotateConfig::default() };
         let annotation = annotate(&map, size, 3, &config, &network, &mut |_, _| ControlFlow::Continue(()));
         let annotation = annotation.expect("in range");
         let (stride, from) = (stride as isize, (size - stride as usize).div_ceil(2) as isize);

@@ -7,10 +7,9 @@ use std::process::ExitCode;
 
 use super::error::CliError;
 use super::screen::Screen;
-use crate::domain::annotate::{AnnotateConfig, Mode, Normalize, Overlap};
+use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
 use crate::domain::map::{IGIBSON_IMAGE, ImportConfig};
 use crate::domain::quantize::OBSTACLE;
-use crate::domain::unet::DeviceName;
 use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
 use crate::pipeline::stage::StageError;
 use crate::report::bars::WorkBar;
@@ -40,15 +39,15 @@ pub struct Args {
     /// Edge of a pixel in meters, for a plain image.
     #[arg(long, value_name = "METERS")]
     image_resolution: Option<f64>,
-    /// `dense`: the whole map at once; `exact`: sliding windows, as the paper has it.
-    #[arg(long, value_enum, default_value = "dense")]
-    mode: ModeName,
-    /// Distance between neighboring windows in cells (exact mode).
-    #[arg(long, default_value_t = AnnotateConfig::default().stride)]
-    stride: u32,
-    /// How many of the 64 offsets modulo 8 are averaged (dense mode).
-    #[arg(long, default_value_t = AnnotateConfig::default().offsets)]
-    offsets: u32,
+    /// `dense`: the whole map at once; `exact`: sliding windows, as the paper has it [default: dense; exact with --stride].
+    #[arg(long, value_enum)]
+    mode: Option<ModeName>,
+    /// Distance between neighboring windows in cells, for exact mode [default: 4].
+    #[arg(long)]
+    stride: Option<u32>,
+    /// How many of the 64 offsets modulo 8 are averaged, for dense mode [default: 64].
+    #[arg(long)]
+    offsets: Option<u32>,
     /// Divide by the map's maximum.
     #[arg(long)]
     normalize: bool,
@@ -62,20 +61,10 @@ enum ModeName {
 
 impl Args {
     pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let config = self.config()?;
         let import = ImportConfig { image_resolution: self.image_resolution, ..ImportConfig::default() };
         let map = ImportMap::new(Origin::of(&self.map), import).map_err(|error| self.unreadable(error))?.import()?;
         let checkpoint = self.checkpoint()?;
-        let config = AnnotateConfig {
-            mode: match self.mode {
-                ModeName::Exact => Mode::Exact,
-                ModeName::Dense => Mode::Dense,
-            },
-            stride: self.stride,
-            offsets: self.offsets,
-            overlap: Overlap::default(),
-            normalize: if self.normalize { Normalize::Max } else { Normalize::None },
-            device: DeviceName::default(),
-        };
         let compute = compute::open(config.device)?;
         let mut bar = WorkBar::new("annotate", screen.color());
         let mut progress = |done: usize, all: usize| {
@@ -89,6 +78,28 @@ impl Args {
         self.write("map.parquet", &map.to_bytes()?, screen)?;
         self.write("heat.png", &self.picture(&heat), screen)?;
         Ok(ExitCode::SUCCESS)
+    }
+
+    fn config(&self) -> Result<AnnotateConfig, CliError> {
+        let mode = self.mode.map(|mode| match mode {
+            ModeName::Exact => domain::ModeName::Exact,
+            ModeName::Dense => domain::ModeName::Dense,
+        });
+        let normalize = if self.normalize { Normalize::Max } else { Normalize::None };
+        let fields = AnnotateFields {
+            mode,
+            stride: self.stride,
+            offsets: self.offsets,
+            normalize,
+            ..AnnotateFields::default()
+        };
+        let refused = |error| match annotate::advice(&error) {
+            Some(advice) => CliError::advised(error.to_string(), advice),
+            None => CliError::request(error.to_string()),
+        };
+        let config = AnnotateConfig::try_from(fields).map_err(refused)?;
+        config.check().map_err(refused)?;
+        Ok(config)
     }
 
     /// Says how a folder is read; that it lacks the file of a scene is puzzling if it was meant otherwise.

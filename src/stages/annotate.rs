@@ -2,27 +2,27 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Definition, compute, kind, read, write};
-use crate::domain::annotate::{AnnotateConfig, AnnotateError, annotate, quantize, thresholds};
+use super::{compute, kind, read, write};
+use crate::domain::annotate::{AnnotateConfig, AnnotateError, AnnotateFields, annotate, quantize, thresholds};
 use crate::domain::map::OccupancyMap;
 use crate::domain::unet::{Compute, Network};
-use crate::kinds::{Checkpoint, Heat, Placed};
+use crate::kinds::{Checkpoint, Heat, Placed, outline};
 use crate::pipeline::stage::{
-    Arity, Context, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+    Arity, Context, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
+use crate::store::Store;
 
 /// Parameters of `annotate`.
-#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(transparent)]
+#[derive(Debug, Clone, Default)]
 pub struct Annotate(AnnotateConfig);
 
-impl Definition for Annotate {
-    const SPEC: StageSpec = StageSpec {
+impl Annotate {
+    /// What is the same for every use.
+    pub const SPEC: StageSpec = StageSpec {
         name: "annotate",
         version: 2,
         ports: &[
@@ -34,23 +34,45 @@ impl Definition for Annotate {
         doc: "Predicts how often each cell of a map is visited (algorithm 1, appendix D).",
     };
 
-    fn check(&self) -> Result<(), ParameterError> {
-        self.0.check().map_err(|error| super::refused_setting(&error))?;
-        compute::check(self.0.device)
+    /// The line of the register.
+    pub(super) const ENTRY: Entry =
+        Entry { spec: &Self::SPEC, parse: Self::parse, schema: super::schema::<AnnotateFields> };
+
+    fn parse(value: &Value) -> Result<Arc<dyn Stage>, ParameterError> {
+        let fields: AnnotateFields = super::parse(value)?;
+        let config = AnnotateConfig::try_from(fields).map_err(|error| ParameterError {
+            help: advice(&error),
+            ..super::refused_setting(&error)
+        })?;
+        config.check().map_err(|error| super::refused_setting(&error))?;
+        compute::check(config.device)?;
+        Ok(Arc::new(Self(config)))
+    }
+}
+
+/// Says what helps against a parameter that does not fit the others.
+#[must_use]
+pub fn advice(error: &AnnotateError) -> Option<String> {
+    match error {
+        AnnotateError::OtherMode { field, with, .. } => Some(format!("leave `{field}` out, or write `{with}`")),
+        _ => None,
     }
 }
 
 impl Stage for Annotate {
     fn parameters(&self) -> Value {
-        super::to_json(self)
+        compute::without_device(&self.0)
     }
 
     fn environment(&self) -> BTreeMap<String, String> {
         compute::environment(self.0.device)
     }
 
-    fn needs(&self, _: Part) -> Needs {
-        Needs { memory: 1 << 30, exclusive: false }
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        const BLOCK: u64 = 448 * 448;
+        let cells = outline(store, inputs.one("map")).rows;
+        // Sums, means, probabilities and the file, for some classes; the activations of eight images of at most a block.
+        super::memory((256 << 20) + cells.saturating_mul(256) + cells.min(BLOCK) * 8 * 512)
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

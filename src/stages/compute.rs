@@ -2,6 +2,9 @@
 
 use std::collections::BTreeMap;
 
+use serde::Serialize;
+use serde_json::Value;
+
 use crate::domain::unet::{Compute, DeviceName, Simd};
 use crate::pipeline::stage::{ParameterError, StageError};
 
@@ -21,6 +24,13 @@ pub fn open(device: DeviceName) -> Result<Compute, StageError> {
         _ => None,
     };
     Compute::new(device, simd).map_err(|error| StageError::failed(error).with_help(advice))
+}
+
+/// Returns parameters without the device: the environment names it, with the instruction set.
+pub(super) fn without_device(parameters: &impl Serialize) -> Value {
+    let mut value = super::to_json(parameters);
+    value.as_object_mut().expect("parameters are an object").remove("device");
+    value
 }
 
 /// Returns what the bytes depend on besides parameters and inputs.

@@ -11,10 +11,11 @@ use super::{Definition, compute, kind, read, write};
 use crate::domain::quantize::class_weights;
 use crate::domain::tiles::Tiles;
 use crate::domain::unet::{BatchReport, TrainConfig, Trainer, UnetError};
-use crate::kinds::{Checkpoint, CheckpointConfig};
+use crate::kinds::{Checkpoint, CheckpointConfig, outline};
 use crate::pipeline::stage::{
     Arity, Context, Division, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
+use crate::store::Store;
 
 /// Parameters of `train`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
@@ -39,7 +40,7 @@ impl Definition for Train {
 
 impl Stage for Train {
     fn parameters(&self) -> Value {
-        super::to_json(self)
+        compute::without_device(self)
     }
 
     fn part_parameters(&self, part: Part) -> Value {
@@ -60,8 +61,13 @@ impl Stage for Train {
         compute::environment(self.0.device)
     }
 
-    fn needs(&self, _: Part) -> Needs {
-        Needs { memory: 2 << 30, exclusive: true }
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        let windows = outline(store, inputs.one("tiles"));
+        let cells = windows.positive("size").map_or(64 * 64, |size| (size * size) as u64);
+        // Occupancy and classes, once as they are read and once as they are kept; of a batch all activations and their
+        // gradients.
+        let (kept, batch) = (windows.rows.saturating_mul(4), u64::from(self.0.batch).saturating_mul(4 << 10));
+        Needs { exclusive: true, ..super::memory((256 << 20) + cells.saturating_mul(kept.saturating_add(batch))) }
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

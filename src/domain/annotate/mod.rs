@@ -13,12 +13,13 @@
 //! Held against visits on six generated maps (`pipelines/estimators.yaml`), dense mode over all 64 offsets is at least as
 //! good as exact mode at stride 1 in a twenty-fifth of the time (means of Spearman's rank correlation 0.657 and 0.617, of
 //! AUC 0.896 and 0.895, of mean recall 0.554 and 0.555); with fewer offsets it is faster still, and a little worse (16:
-//! 0.631, 0.887, 0.543). So it is what `trodden annotate` does, and pipelines that want the paper's get exact mode.
+//! 0.631, 0.887, 0.543). So it is the default; who wants the paper's asks for exact mode.
 //!
 //! The network is whatever can [`Predict`].
 
 mod columns;
 mod dense;
+mod fields;
 mod windows;
 
 use std::ops::ControlFlow;
@@ -29,6 +30,8 @@ use serde::{Deserialize, Serialize};
 use super::geometry::Grid;
 use super::map::OccupancyMap;
 use super::unet::{DeviceName, Network};
+
+pub use fields::{AnnotateFields, ModeName, OverlapName};
 
 /// The network halves its input three times: shifting an input by this many cells shifts the prediction, no more.
 const PERIOD: usize = 8;
@@ -67,28 +70,24 @@ impl Predict for Network {
 /// Hears how many of all images are done; [`ControlFlow::Break`] ends the work.
 pub type Progress<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
 
-/// Where the network looks.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
+/// Where the network looks, with what only this mode has to say about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// At windows that slide over the map, as in the paper.
-    #[default]
-    Exact,
-    /// At the whole map, once for each of some offsets: another estimator, many times as fast.
-    Dense,
+    Exact(Overlap),
+    /// At the whole map, once for each of `offsets` of the 64 offsets modulo 8: another estimator, many times as fast.
+    Dense { offsets: u32 },
 }
 
-/// Which cells of a window count (exact mode).
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
+/// How far windows lie apart, and which of their cells count (exact mode).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Overlap {
-    /// All; the windows lie `stride` cells apart and overlap.
-    #[default]
-    Full,
-    /// All, and the windows lie side by side, whatever `stride` says.
+    /// All cells count; the windows lie `stride` cells apart and overlap.
+    Full { stride: u32 },
+    /// All cells count, and the windows lie side by side.
     None,
-    /// Only the central `stride` × `stride` cells, so that each cell is predicted once: with stride 1 the central cell.
-    PerPixel,
+    /// Only the central `stride` × `stride` cells count, so that each cell is predicted once: with stride 1 the central one.
+    PerPixel { stride: u32 },
 }
 
 /// What the heat is divided by at the end.
@@ -102,36 +101,18 @@ pub enum Normalize {
     Max,
 }
 
-/// Parameters of annotation.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
+/// Parameters of annotation with all defaults filled in; those that another mode has are not there.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "AnnotateFields", into = "AnnotateFields")]
 pub struct AnnotateConfig {
-    /// Where the network looks: at sliding windows (`exact`, the paper's) or at the whole map (`dense`).
     pub mode: Mode,
-    /// Distance between neighboring windows in cells, from 1 to the window's size; the paper's is 1 (exact mode).
-    #[schemars(range(min = 1, max = 512))]
-    pub stride: u32,
-    /// Which cells of a window count; `none` and `per-pixel` are the paper's ablations (exact mode).
-    pub overlap: Overlap,
-    /// How many of the 64 offsets modulo 8 are averaged, 1 to 64 (dense mode).
-    #[schemars(range(min = 1, max = 64))]
-    pub offsets: u32,
-    /// What the heat is divided by at the end.
     pub normalize: Normalize,
-    /// What computes.
     pub device: DeviceName,
 }
 
-impl Default for AnnotateConfig {
+impl Default for Mode {
     fn default() -> Self {
-        Self {
-            mode: Mode::default(),
-            stride: 4,
-            overlap: Overlap::default(),
-            offsets: 64,
-            normalize: Normalize::default(),
-            device: DeviceName::default(),
-        }
+        Self::Dense { offsets: 64 }
     }
 }
 
@@ -142,6 +123,8 @@ pub enum AnnotateError {
     Stride { stride: u32, window: usize },
     #[error("`offsets` is `{0}`, allowed are 1 to 64")]
     Offsets(u32),
+    #[error("`{field}` goes with `{with}`, and here is `{here}`")]
+    OtherMode { field: &'static str, with: &'static str, here: &'static str },
     #[error("the window's size is `{0}`, allowed are multiples of 8")]
     Window(usize),
     #[error("annotation was cancelled")]
@@ -165,13 +148,15 @@ impl AnnotateConfig {
         if window == 0 || !window.is_multiple_of(8) {
             return Err(AnnotateError::Window(window));
         }
-        if self.stride == 0 || self.stride as usize > window {
-            return Err(AnnotateError::Stride { stride: self.stride, window });
+        match self.mode {
+            Mode::Exact(Overlap::Full { stride } | Overlap::PerPixel { stride })
+                if !(1..=window).contains(&(stride as usize)) =>
+            {
+                Err(AnnotateError::Stride { stride, window })
+            }
+            Mode::Dense { offsets } if !(1..=64).contains(&offsets) => Err(AnnotateError::Offsets(offsets)),
+            Mode::Exact(_) | Mode::Dense { .. } => Ok(()),
         }
-        if !(1..=64).contains(&self.offsets) {
-            return Err(AnnotateError::Offsets(self.offsets));
-        }
-        Ok(())
     }
 }
 
@@ -212,8 +197,8 @@ pub fn annotate(
     config.check_with(window)?;
     let free = map.free();
     let means = match config.mode {
-        Mode::Exact => {
-            let slide = windows::Slide::new(window, config);
+        Mode::Exact(overlap) => {
+            let slide = windows::Slide::new(window, overlap);
             match slide.as_passes(free) {
                 Some(passes) => dense::means(free, classes, &passes, predict, progress)?,
                 None if slide.is_close() && predict.shares_columns(window) => {
@@ -222,8 +207,8 @@ pub fn annotate(
                 None => windows::means(free, classes, &slide, predict, progress)?,
             }
         }
-        Mode::Dense => {
-            dense::means(free, classes, &dense::Passes::mean_of(config.offsets as usize), predict, progress)?
+        Mode::Dense { offsets } => {
+            dense::means(free, classes, &dense::Passes::mean_of(offsets as usize), predict, progress)?
         }
     };
     let levels = levels(classes);

@@ -61,6 +61,14 @@ fn maps() -> [OccupancyMap; 3] {
     [map(11, 17, 0.4), map(5, 3, 0.2), map(30, 9, 0.97)]
 }
 
+fn exact(overlap: Overlap) -> AnnotateConfig {
+    AnnotateConfig { mode: Mode::Exact(overlap), ..AnnotateConfig::default() }
+}
+
+fn dense(offsets: u32) -> AnnotateConfig {
+    AnnotateConfig { mode: Mode::Dense { offsets }, ..AnnotateConfig::default() }
+}
+
 fn run(map: &OccupancyMap, window: usize, config: &AnnotateConfig) -> Annotation {
     annotate(map, window, 3, config, &Synthetic::default(), &mut |_, _| ControlFlow::Continue(())).expect("in range")
 }
@@ -101,7 +109,7 @@ fn assert_close(found: &Grid<f32>, expected: &Grid<f64>) {
 fn algorithm_1_agrees_with_a_direct_computation() {
     for map in &maps() {
         for (window, stride) in [(8, 1), (8, 3), (16, 4)] {
-            let config = AnnotateConfig { stride: stride as u32, ..AnnotateConfig::default() };
+            let config = exact(Overlap::Full { stride: stride as u32 });
             assert_close(&run(map, window, &config).heat, &slow(map, window, stride, |_, _| true));
         }
     }
@@ -112,7 +120,7 @@ fn algorithm_1_agrees_with_a_direct_computation() {
 fn columns_agree_with_a_direct_computation() {
     for (map, stride, in_columns) in [(0, 4, true), (1, 1, true), (2, 3, false), (2, 8, true)] {
         let map = &maps()[map];
-        let config = AnnotateConfig { stride: stride as u32, ..AnnotateConfig::default() };
+        let config = exact(Overlap::Full { stride: stride as u32 });
         let predict = Synthetic { shares_columns: true, ..Synthetic::default() };
         let found = annotate(map, 24, 3, &config, &predict, &mut |_, _| ControlFlow::Continue(())).expect("in range");
         assert_close(&found.heat, &slow(map, 24, stride, |_, _| true));
@@ -123,11 +131,11 @@ fn columns_agree_with_a_direct_computation() {
 #[test]
 fn ablations_agree_with_a_direct_computation() {
     for map in &maps() {
-        let config = AnnotateConfig { stride: 2, overlap: Overlap::None, ..AnnotateConfig::default() };
+        let config = exact(Overlap::None);
         assert_close(&run(map, 8, &config).heat, &slow(map, 8, 8, |_, _| true));
-        let config = AnnotateConfig { stride: 1, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        let config = exact(Overlap::PerPixel { stride: 1 });
         assert_close(&run(map, 8, &config).heat, &slow(map, 8, 1, |row, col| (row, col) == (4, 4)));
-        let config = AnnotateConfig { stride: 2, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        let config = exact(Overlap::PerPixel { stride: 2 });
         let center = |i: usize| i == 3 || i == 4;
         assert_close(&run(map, 8, &config).heat, &slow(map, 8, 2, |row, col| center(row) && center(col)));
     }
@@ -139,7 +147,7 @@ fn central_cells_agree_with_a_direct_computation() {
     let map = &maps()[1];
     // How many images are predicted: one for each offset at which windows begin, or (`None`) window by window.
     for (stride, expected) in [(1, Some(5 * 3)), (3, Some(3 * 2)), (16, Some(1)), (20, Some(2 * 2)), (21, None)] {
-        let config = AnnotateConfig { stride, overlap: Overlap::PerPixel, ..AnnotateConfig::default() };
+        let config = exact(Overlap::PerPixel { stride });
         let from = (64 - stride as usize).div_ceil(2);
         let center = |i: usize| (from..from + stride as usize).contains(&i);
         let predict = Synthetic::default();
@@ -153,7 +161,7 @@ fn central_cells_agree_with_a_direct_computation() {
 #[test]
 fn probabilities_are_means_and_blocked_cells_are_zero() {
     let map = &maps()[0];
-    let annotation = run(map, 8, &AnnotateConfig::default());
+    let annotation = run(map, 8, &exact(Overlap::Full { stride: 4 }));
     for cell in map.free().cells() {
         let p: Vec<f32> = annotation.probabilities.iter().map(|grid| grid[cell]).collect();
         let sum: f32 = p.iter().sum();
@@ -164,7 +172,7 @@ fn probabilities_are_means_and_blocked_cells_are_zero() {
             assert_eq!((sum, annotation.heat[cell]), (0.0, 0.0));
         }
     }
-    let config = AnnotateConfig { normalize: Normalize::Max, ..AnnotateConfig::default() };
+    let config = AnnotateConfig { normalize: Normalize::Max, ..exact(Overlap::Full { stride: 4 }) };
     let scaled = run(map, 8, &config).heat;
     assert_eq!(scaled.as_slice().iter().fold(0.0, |a: f32, b| a.max(*b)), 1.0);
 }
@@ -174,7 +182,7 @@ fn probabilities_are_means_and_blocked_cells_are_zero() {
 fn dense_mode_shows_every_cell_its_whole_surroundings() {
     for map in &maps() {
         for offsets in [1, 5, 64] {
-            let config = AnnotateConfig { mode: Mode::Dense, offsets, ..AnnotateConfig::default() };
+            let config = dense(offsets);
             // One window whose center is the cell, large enough to hold all that the predictor sees.
             let config = run(map, 8, &config).heat;
             assert_close(&config, &slow(map, 16, 1, |row, col| (row, col) == (8, 8)));
@@ -186,7 +194,7 @@ fn dense_mode_shows_every_cell_its_whole_surroundings() {
 fn dense_mode_does_not_depend_on_its_blocks() {
     let free = Grid::from_fn(6, 800, |cell| cell.col % 7 != 3 || cell.row == 2);
     let map = OccupancyMap::new(free, Frame::at_zero(0.1, 6, 800)).expect("free");
-    let config = AnnotateConfig { mode: Mode::Dense, offsets: 2, ..AnnotateConfig::default() };
+    let config = dense(2);
     assert_close(&run(&map, 8, &config).heat, &slow(&map, 16, 1, |row, col| (row, col) == (8, 8)));
 }
 
@@ -207,17 +215,23 @@ fn quantized_heat_has_the_given_distribution() {
 
 #[test]
 fn parameters_out_of_range_are_named() {
-    let config = |stride, offsets| AnnotateConfig { stride, offsets, ..AnnotateConfig::default() };
-    assert_eq!(config(65, 1).check_with(64), Err(AnnotateError::Stride { stride: 65, window: 64 }));
-    assert_eq!(config(1, 65).check(), Err(AnnotateError::Offsets(65)));
-    assert_eq!(config(1, 1).check_with(12), Err(AnnotateError::Window(12)));
+    let full = |stride| exact(Overlap::Full { stride });
+    for stride in [0, 65] {
+        assert_eq!(full(stride).check_with(64), Err(AnnotateError::Stride { stride, window: 64 }));
+        let centers = exact(Overlap::PerPixel { stride });
+        assert_eq!(centers.check_with(64), Err(AnnotateError::Stride { stride, window: 64 }));
+    }
+    assert_eq!(dense(65).check(), Err(AnnotateError::Offsets(65)));
+    assert_eq!(dense(0).check(), Err(AnnotateError::Offsets(0)));
+    assert_eq!(full(1).check_with(12), Err(AnnotateError::Window(12)));
+    assert_eq!((full(64).check_with(64), dense(64).check_with(8)), (Ok(()), Ok(())));
 }
 
 #[test]
 fn progress_may_end_the_work() {
     for shares_columns in [false, true] {
         let predict = Synthetic { shares_columns, ..Synthetic::default() };
-        let config = AnnotateConfig { stride: 8, ..AnnotateConfig::default() };
+        let config = exact(Overlap::Full { stride: 8 });
         let result = annotate(&maps()[0], 24, 3, &config, &predict, &mut |_, _| ControlFlow::Break(()));
         assert_eq!(result, Err(AnnotateError::Cancelled));
     }

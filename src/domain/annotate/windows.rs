@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use super::dense::Passes;
-use super::{AnnotateConfig, AnnotateError, Overlap, PERIOD, Predict, Progress};
+use super::{AnnotateError, Overlap, PERIOD, Predict, Progress};
 use crate::domain::geometry::Grid;
 use crate::domain::unet::layers::EDGE;
 
@@ -28,13 +28,15 @@ pub(super) struct Slide {
 
 impl Slide {
     /// Reads the parameters of exact mode for windows of `size`² cells.
-    pub(super) fn new(size: usize, config: &AnnotateConfig) -> Self {
-        let stride = config.stride as usize;
-        match config.overlap {
-            Overlap::Full => Self { size, stride, from: 0, count: size },
+    pub(super) fn new(size: usize, overlap: Overlap) -> Self {
+        match overlap {
+            Overlap::Full { stride } => Self { size, stride: stride as usize, from: 0, count: size },
             Overlap::None => Self { size, stride: size, from: 0, count: size },
             // The center of an even number of cells is taken to be the cell after the middle.
-            Overlap::PerPixel => Self { size, stride, from: (size - stride).div_ceil(2), count: stride },
+            Overlap::PerPixel { stride } => {
+                let stride = stride as usize;
+                Self { size, stride, from: (size - stride).div_ceil(2), count: stride }
+            }
         }
     }
 
