@@ -86,13 +86,8 @@ impl Args {
             ModeName::Dense => domain::ModeName::Dense,
         });
         let normalize = if self.normalize { Normalize::Max } else { Normalize::None };
-        let fields = AnnotateFields {
-            mode,
-            stride: self.stride,
-            offsets: self.offsets,
-            normalize,
-            ..AnnotateFields::default()
-        };
+        let fields =
+            AnnotateFields { mode, stride: self.stride, offsets: self.offsets, normalize, ..AnnotateFields::default() };
         let refused = |error| match annotate::advice(&error) {
             Some(advice) => CliError::advised(error.to_string(), advice),
             None => CliError::request(error.to_string()),

@@ -19,6 +19,8 @@ mod tiles;
 mod trajectories;
 mod visits;
 
+use std::fs::File;
+
 use crate::domain::geometry::Frame;
 use crate::store::{Artifact, FileRef, Store};
 
@@ -26,6 +28,7 @@ pub use checkpoint::{Checkpoint, CheckpointConfig};
 pub use error::KindError;
 pub use heat::Heat;
 pub use nav_episodes::{NavEpisodes, NavSample};
+pub use parquet::Outline;
 pub use table::{TableError, TableFile, data_frame, sql};
 pub use trajectories::{TrackReader, TrackWriter, chunk_files};
 
@@ -109,6 +112,18 @@ impl<T> Placed<T> {
     pub const fn new(frame: Frame, value: T) -> Self {
         Self { frame, value }
     }
+}
+
+/// Tells how large an artifact is, by the footers of its tables alone: the rows of all, and the metadata of the first.
+///
+/// For estimates: what is missing or damaged counts as empty, and the digest is not checked.
+#[must_use]
+pub fn outline(store: &Store, artifact: &Artifact) -> Outline {
+    let open = |file: &FileRef| File::open(store.path_of(&file.digest)).ok().as_ref().and_then(Outline::read);
+    let mut outlines = artifact.files.iter().filter_map(open);
+    let mut whole = outlines.next().unwrap_or_default();
+    whole.rows += outlines.map(|more| more.rows).sum::<u64>();
+    whole
 }
 
 fn only_file<'a>(kind: &'static str, artifact: &'a Artifact) -> Result<&'a FileRef, KindError> {

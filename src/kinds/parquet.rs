@@ -21,7 +21,7 @@ use parquet::schema::types::ColumnPath;
 use super::KindError;
 use crate::domain::geometry::Frame;
 
-pub use read::{AnyTable, Batch, Batches, Table, read_any, wrong_value};
+pub use read::{AnyTable, Batch, Batches, Outline, Table, read_any, wrong_value};
 
 /// Rows of a row group, unless rows are large.
 pub const GROUP_ROWS: usize = 1 << 17;

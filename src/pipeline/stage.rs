@@ -143,9 +143,12 @@ pub trait Stage: Send + Sync + std::fmt::Debug {
         BTreeMap::new()
     }
 
-    /// Returns what a part asks of the machine.
-    fn needs(&self, part: Part) -> Needs {
-        let _ = part;
+    /// Returns what a part asks of the machine; the sizes of its inputs tell most of it.
+    ///
+    /// It is asked on the thread that starts all tasks, so it may look at no more than sizes and headers. What cannot be
+    /// looked at is no error here: [`Stage::run`] will say so.
+    fn needs(&self, part: Part, inputs: &Inputs, store: &Store) -> Needs {
+        let _ = (part, inputs, store);
         Needs::default()
     }
 

@@ -40,10 +40,8 @@ impl Annotate {
 
     fn parse(value: &Value) -> Result<Arc<dyn Stage>, ParameterError> {
         let fields: AnnotateFields = super::parse(value)?;
-        let config = AnnotateConfig::try_from(fields).map_err(|error| ParameterError {
-            help: advice(&error),
-            ..super::refused_setting(&error)
-        })?;
+        let config = AnnotateConfig::try_from(fields)
+            .map_err(|error| ParameterError { help: advice(&error), ..super::refused_setting(&error) })?;
         config.check().map_err(|error| super::refused_setting(&error))?;
         compute::check(config.device)?;
         Ok(Arc::new(Self(config)))

@@ -7,10 +7,11 @@ use serde_json::Value;
 use super::{Definition, kind, read, write};
 use crate::domain::random::Stream;
 use crate::domain::social::{CostConfig, SocialCosts, social_costs};
-use crate::kinds::{Heat, NavEpisodes, Placed};
+use crate::kinds::{Heat, NavEpisodes, Placed, outline};
 use crate::pipeline::stage::{
-    Arity, Context, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+    Arity, Context, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
+use crate::store::Store;
 
 /// Parameters of `cost`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
@@ -38,6 +39,11 @@ impl Definition for Cost {
 impl Stage for Cost {
     fn parameters(&self) -> Value {
         super::to_json(self)
+    }
+
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        // One row a sample, as it is read and as it is kept.
+        super::memory(outline(store, inputs.one("trips")).rows.saturating_mul(192))
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

@@ -9,6 +9,7 @@ use crate::domain::map::{
     IGIBSON_IMAGE, ImportConfig, MapImportError, MapYaml, OccupancyMap, import_igibson, import_image, import_ros,
 };
 use crate::pipeline::stage::{Context, Inputs, Needs, Output, Part, Source, Stage, StageError, StageSpec};
+use crate::store::Store;
 
 /// What is the same for every imported map.
 pub const SPEC: StageSpec = StageSpec {
@@ -162,6 +163,17 @@ fn image_of(yaml_file: &Path, yaml: &MapYaml) -> PathBuf {
     yaml_file.parent().unwrap_or_else(|| Path::new("")).join(&yaml.image)
 }
 
+/// Returns the number of pixels that the header of an image tells of, at least one for each byte of the file.
+fn pixels(path: &Path) -> u64 {
+    let Ok(metadata) = std::fs::metadata(path) else { return 0 };
+    if !metadata.is_file() {
+        return 0;
+    }
+    let reader = image::ImageReader::open(path).and_then(image::ImageReader::with_guessed_format).ok();
+    let size = reader.and_then(|reader| reader.into_dimensions().ok());
+    size.map_or(0, |(width, height)| u64::from(width) * u64::from(height)).max(metadata.len())
+}
+
 fn bytes(path: &Path) -> Result<Vec<u8>, StageError> {
     std::fs::read(path).map_err(|source| StageError::Source { path: path.to_owned(), source })
 }
@@ -186,8 +198,10 @@ impl Stage for ImportMap {
         })
     }
 
-    fn needs(&self, _: Part) -> Needs {
-        Needs { memory: 1 << 30, exclusive: false }
+    fn needs(&self, _: Part, inputs: &Inputs, _: &Store) -> Needs {
+        // Up to eight bytes as it is decoded, and its shades.
+        let pixels = inputs.sources.get("image").map_or(0, |(path, _)| pixels(path));
+        super::memory(pixels.saturating_mul(16))
     }
 
     fn run(&self, _: Part, _: &Inputs, context: &Context) -> Result<Output, StageError> {

@@ -19,7 +19,8 @@ pub mod train;
 
 use crate::pipeline::stage::Register;
 use definition::{
-    Definition, kind, kind_failed, parse, read, refused, refused_setting, same_frame, schema, to_json, write,
+    Definition, crowd_bytes, kind, kind_failed, memory, parse, read, refused, refused_setting, same_frame, schema,
+    to_json, write,
 };
 
 /// All stages and map sources.

@@ -8,10 +8,11 @@ use serde_json::Value;
 use super::{Definition, kind, read, refused, write};
 use crate::domain::crowd::{CrowdConfig, CrowdError, NavConfig, NavEpisode, Robot, Scene};
 use crate::domain::map::OccupancyMap;
-use crate::kinds::{NavEpisodes, NavSample, Placed};
+use crate::kinds::{NavEpisodes, NavSample, Placed, outline};
 use crate::pipeline::stage::{
-    Arity, Context, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+    Arity, Context, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
+use crate::store::Store;
 
 /// Parameters of `navigate`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -68,6 +69,10 @@ impl Definition for Navigate {
 impl Stage for Navigate {
     fn parameters(&self) -> Value {
         super::to_json(self)
+    }
+
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        super::memory(super::crowd_bytes(&self.crowd, self.episodes, &outline(store, inputs.one("map"))))
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

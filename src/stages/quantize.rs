@@ -8,10 +8,11 @@ use super::{Definition, kind, read, write};
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::{Labels, QuantizeConfig, quantize};
 use crate::domain::raster::VisitCounts;
-use crate::kinds::Placed;
+use crate::kinds::{Placed, outline};
 use crate::pipeline::stage::{
-    Arity, Context, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+    Arity, Context, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
+use crate::store::Store;
 
 /// Parameters of `quantize`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
@@ -39,6 +40,11 @@ impl Definition for Quantize {
 impl Stage for Quantize {
     fn parameters(&self) -> Value {
         super::to_json(self)
+    }
+
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        // Map, counts, labels and the file.
+        super::memory(outline(store, inputs.one("map")).rows.saturating_mul(64))
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

@@ -7,10 +7,11 @@ use serde_json::{Value, json};
 use super::{Definition, kind, read, write};
 use crate::domain::map::OccupancyMap;
 use crate::domain::raster::{RasterConfig, Rasterizer, VisitCounts};
-use crate::kinds::{Placed, TrackReader};
+use crate::kinds::{Placed, TrackReader, outline};
 use crate::pipeline::stage::{
-    Arity, Context, Division, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+    Arity, Context, Division, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
+use crate::store::Store;
 
 /// Parameters of `rasterize`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
@@ -50,6 +51,16 @@ impl Stage for Rasterize {
 
     fn part_ports(&self, part: Part) -> Option<&'static [&'static str]> {
         (part == Part::Gather).then_some(&[])
+    }
+
+    fn needs(&self, part: Part, inputs: &Inputs, store: &Store) -> Needs {
+        if part == Part::Gather {
+            let cells = inputs.parts.first().map_or(0, |(_, counts)| outline(store, counts).rows);
+            return super::memory(cells.saturating_mul(64));
+        }
+        // Of the tracks one file at a time is held, of the map and its counts all.
+        let largest = inputs.one("walks").files.iter().map(|file| file.bytes).max().unwrap_or(0);
+        super::memory(outline(store, inputs.one("map")).rows.saturating_mul(64).saturating_add(2 * largest))
     }
 
     fn run(&self, part: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

@@ -8,8 +8,9 @@ use super::{Definition, kind, read, write};
 use crate::domain::quantize::Labels;
 use crate::domain::raster::VisitCounts;
 use crate::domain::score::{ClassScores, Scored, score};
-use crate::kinds::{Heat, Placed};
-use crate::pipeline::stage::{Arity, Context, Inputs, Output, Part, Port, Stage, StageError, StageSpec};
+use crate::kinds::{Heat, Placed, outline};
+use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Part, Port, Stage, StageError, StageSpec};
+use crate::store::Store;
 
 /// Parameters of `score`: there are none.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
@@ -39,6 +40,11 @@ impl Definition for Score {
 impl Stage for Score {
     fn parameters(&self) -> Value {
         super::to_json(self)
+    }
+
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        // Heat, classes and probabilities, labels, counts, and their ranks.
+        super::memory(outline(store, inputs.one("heat")).rows.saturating_mul(128))
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

@@ -9,11 +9,11 @@ use super::{Definition, kind, read, refused};
 use crate::domain::crowd::{CrowdConfig, Episode, Scene};
 use crate::domain::map::OccupancyMap;
 use crate::domain::tracks::Tracks;
-use crate::kinds::{Placed, TrackWriter, chunk_files};
+use crate::kinds::{Placed, TrackWriter, chunk_files, outline};
 use crate::pipeline::stage::{
     Arity, Context, Division, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
-use crate::store::Artifact;
+use crate::store::{Artifact, Store};
 
 /// Episodes of a chunk. It is fixed, so that more episodes leave the chunks that exist as they are.
 const CHUNK: u32 = 20;
@@ -88,10 +88,10 @@ impl Stage for Simulate {
         (part == Part::Gather).then_some(&[])
     }
 
-    fn needs(&self, part: Part) -> Needs {
-        let samples = u64::from(CHUNK) * u64::from(self.crowd.agents[1]) * self.crowd.steps() as u64;
-        let memory = if matches!(part, Part::Chunk(_)) { (64 << 20) + 160 * samples } else { 1 << 20 };
-        Needs { memory, exclusive: false }
+    fn needs(&self, part: Part, inputs: &Inputs, store: &Store) -> Needs {
+        let Part::Chunk(chunk) = part else { return Needs { memory: 1 << 20, exclusive: false } };
+        let (_, episodes) = self.span(chunk);
+        super::memory(super::crowd_bytes(&self.crowd, episodes, &outline(store, inputs.one("map"))))
     }
 
     fn run(&self, part: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {

@@ -8,10 +8,11 @@ use super::{Definition, kind, read, write};
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::Labels;
 use crate::domain::tiles::{LabeledMap, TileConfig, TileError, Tiles, cut};
-use crate::kinds::Placed;
+use crate::kinds::{Placed, outline};
 use crate::pipeline::stage::{
-    Arity, Context, Inputs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+    Arity, Context, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
+use crate::store::Store;
 
 /// Parameters of `tile`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]

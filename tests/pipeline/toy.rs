@@ -227,7 +227,7 @@ impl Stage for Toy {
         Ok(self.common.file.iter().map(source).collect())
     }
 
-    fn needs(&self, _: Part) -> Needs {
+    fn needs(&self, _: Part, _: &Inputs, _: &Store) -> Needs {
         Needs { memory: self.common.memory, exclusive: self.common.exclusive }
     }
 

@@ -94,7 +94,8 @@ impl TryFrom<AnnotateFields> for AnnotateConfig {
 impl From<AnnotateConfig> for AnnotateFields {
     fn from(config: AnnotateConfig) -> Self {
         let own = Self { normalize: config.normalize, device: config.device, ..Self::default() };
-        let exact = |overlap, stride| Self { mode: Some(ModeName::Exact), overlap: Some(overlap), stride, ..own.clone() };
+        let exact =
+            |overlap, stride| Self { mode: Some(ModeName::Exact), overlap: Some(overlap), stride, ..own.clone() };
         match config.mode {
             Mode::Dense { offsets } => Self { mode: Some(ModeName::Dense), offsets: Some(offsets), ..own },
             Mode::Exact(Overlap::Full { stride }) => exact(OverlapName::Full, Some(stride)),

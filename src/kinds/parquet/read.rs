@@ -1,6 +1,7 @@
 //! Reads Parquet files and believes nothing: kind, format, columns, types, gaps and lengths are checked.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::panic::AssertUnwindSafe;
 
 use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
@@ -287,6 +288,29 @@ fn key_values(opened: &ArrowReaderMetadata) -> BTreeMap<String, String> {
     let entries = opened.metadata().file_metadata().key_value_metadata();
     let pair = |entry: &KeyValue| Some((entry.key.clone(), entry.value.clone()?));
     entries.into_iter().flatten().filter_map(pair).collect()
+}
+
+/// How large a Parquet file is, told by its footer alone.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Outline {
+    pub rows: u64,
+    pub metadata: BTreeMap<String, String>,
+}
+
+impl Outline {
+    /// Reads the footer of a file; the digest of what else it holds is not checked.
+    #[must_use]
+    pub fn read(file: &File) -> Option<Self> {
+        let opened = guarded(|| Ok(ArrowReaderMetadata::load(file, ArrowReaderOptions::new())?)).ok()?;
+        let rows = u64::try_from(opened.metadata().file_metadata().num_rows()).ok()?;
+        Some(Self { rows, metadata: key_values(&opened) })
+    }
+
+    /// Returns an entry of the metadata as a positive number.
+    #[must_use]
+    pub fn positive(&self, key: &str) -> Option<f64> {
+        self.metadata.get(key)?.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0)
+    }
 }
 
 /// A Parquet file of whatever kind, as people look at it.

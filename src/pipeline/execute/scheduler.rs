@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{Builder, Scope};
 use std::time::{Duration, Instant};
 
-use super::worker::{Assignment, Made, Message, Trouble};
+use super::worker::{Assignment, Made, Message, Trouble, inputs};
 use super::{Failure, Options};
 use crate::pipeline::error::PipelineError;
 use crate::pipeline::event::{Counts, Event};
@@ -41,6 +41,8 @@ pub(super) struct Scheduler<'a> {
     /// Tasks whose key somebody else has locked.
     aside: Vec<usize>,
     try_again: (Instant, Duration),
+    /// What the tasks that could start ask of the machine, as far as it was asked for.
+    needs: BTreeMap<usize, Needs>,
     running: BTreeMap<usize, Needs>,
     pub ends: Vec<Option<End>>,
     pub counts: Counts,
@@ -66,6 +68,7 @@ impl<'a> Scheduler<'a> {
             ready: BTreeSet::new(),
             aside: Vec::new(),
             try_again: (Instant::now(), SOON),
+            needs: BTreeMap::new(),
             running: BTreeMap::new(),
             ends,
             counts: Counts::default(),
@@ -154,6 +157,7 @@ impl<'a> Scheduler<'a> {
             self.ready.remove(&task);
             match self.prepare(task) {
                 Ok(Some(assignment)) => {
+                    self.needs.remove(&task);
                     self.running.insert(task, needs);
                     self.ledger.status[task] = Status::Running;
                     let (node, name) = (self.ledger.graph.node(task), &self.ledger.graph.tasks[task].name);
@@ -178,16 +182,13 @@ impl<'a> Scheduler<'a> {
     }
 
     /// Returns the first ready task that there is room for.
-    fn pick(&self) -> Option<(usize, Needs)> {
+    fn pick(&mut self) -> Option<(usize, Needs)> {
         if self.running.len() >= self.options.jobs.max(1) || self.running.values().any(|needs| needs.exclusive) {
             return None;
         }
         let used: u64 = self.running.values().map(|needs| needs.memory).sum();
         for task in self.ready.iter().copied() {
-            let needs = match self.ledger.graph.tasks[task].work {
-                Work::Part(part) => self.ledger.graph.node(task).stage.needs(part),
-                Work::Close => Needs { memory: 0, exclusive: false },
-            };
+            let needs = *self.needs.entry(task).or_insert_with(|| needs(&self.ledger, task, self.store));
             if self.running.is_empty() {
                 return Some((task, needs));
             }
@@ -321,6 +322,14 @@ impl<'a> Scheduler<'a> {
             None => message.clone(),
         });
         (self.sink)(&Event::Warning { node, message });
+    }
+}
+
+fn needs(ledger: &Ledger, task: usize, store: &Store) -> Needs {
+    let of = &ledger.graph.tasks[task];
+    match of.work {
+        Work::Part(part) => ledger.graph.node(task).stage.needs(part, &inputs(ledger, of), store),
+        Work::Close => Needs { memory: 0, exclusive: false },
     }
 }
 

@@ -106,6 +106,7 @@ impl<'a> Assignment<'a> {
     ) -> Assignment<'a> {
         let of = &ledger.graph.tasks[task];
         let recipe = ledger.recipes[task].take().expect("a task that must run was settled");
+        let node = ledger.graph.node(task);
         Assignment {
             task,
             store,

@@ -199,8 +199,7 @@ fn explain_source(source: &MapSource, member: &Member, folder: &Path, error: Par
             let members: Vec<&Member> = members.iter().filter(no_seed).collect();
             let parse = |value: &Value| (source.expand)(value, folder).map(drop);
             let more = if source.seeded { &["seed"][..] } else { &[] };
-            let refused =
-                parameters::Refused { members: &members, at: member.value.span, owner: source.name, more };
+            let refused = parameters::Refused { members: &members, at: member.value.span, owner: source.name, more };
             refused.explain(&(source.schema)(), &parse, error)
         }
         None => {
