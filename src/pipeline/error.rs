@@ -143,6 +143,9 @@ impl Problem {
     }
 }
 
+/// The most problems of a file that are shown, and for which it is guessed what was meant.
+pub(crate) const MOST_SHOWN: usize = 20;
+
 /// All that is wrong with a pipeline file, with the text it is in.
 #[derive(Debug, Clone)]
 pub struct SpecError {
@@ -177,11 +180,16 @@ impl SpecError {
         (name, line, column)
     }
 
-    /// Returns every problem as a code frame with what helps.
+    /// Returns the first problems, each as a code frame with what helps, and how many more there are.
     #[must_use]
     pub fn render(&self, color: bool) -> String {
-        let frames: Vec<String> = self.problems.iter().map(|problem| self.frame(problem, color)).collect();
-        frames.join("\n\n")
+        let shown = self.problems.iter().take(MOST_SHOWN);
+        let mut parts: Vec<String> = shown.map(|problem| self.frame(problem, color)).collect();
+        if let Some(more) = self.problems.len().checked_sub(MOST_SHOWN + 1) {
+            let title = format!("and {} more like these", more + 1);
+            parts.push(renderer(color).render(&[Group::with_title(Level::ERROR.primary_title(title))]));
+        }
+        parts.join("\n\n")
     }
 
     fn frame(&self, problem: &Problem, color: bool) -> String {

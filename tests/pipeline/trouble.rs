@@ -248,9 +248,10 @@ proptest! {
         prop_assert_eq!(&seen.report.failures, &[]);
         prop_assert_eq!(seen.report.run.status, RunStatus::Finished);
         let fresh = Place::new().run_with(&pipeline(HOMES, &sets), |options| options.only = only);
+        let digests = seen.digests();
         for node in &fresh.report.run.nodes {
             if let Some(artifact) = &node.artifact {
-                prop_assert_eq!(seen.digests().get(node.node.as_str()), Some(&artifact.digest), "{}", node.node);
+                prop_assert_eq!(digests.get(node.node.as_str()), Some(&artifact.digest), "{}", node.node);
             }
         }
     }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::declare::{Declared, Use};
 use super::reference::{Reference, Target};
 use super::{Connection, MapGroup, Node, Wire, suggest};
-use crate::pipeline::error::Problem;
+use crate::pipeline::error::{MOST_SHOWN, Problem};
 use crate::pipeline::stage::{Arity, Port};
 
 /// What a reference leads to.
@@ -19,7 +19,8 @@ enum Fed {
 /// Builds the nodes of all maps and stages.
 pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), Vec<Problem>> {
     let order = order(&declared.stages)?;
-    let mut graph = Graph { seed: declared.seed, groups: Vec::new(), nodes: Vec::new(), outputs: BTreeMap::new() };
+    let mut graph =
+        Graph { seed: declared.seed, groups: Vec::new(), nodes: Vec::new(), guesses: true, outputs: BTreeMap::new() };
     let maps: Arc<str> = Arc::from("maps");
     for group in declared.groups {
         let first = graph.nodes.len();
@@ -47,6 +48,7 @@ pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), 
             Target::Stage(name) => faulty.contains(name.as_str()),
             Target::Maps => false,
         });
+        graph.guesses = problems.len() < MOST_SHOWN;
         let outcome = if after_faulty { Err(Vec::new()) } else { graph.add(stage) };
         if let Err(more) = outcome {
             faulty.insert(stage.name.as_str());
@@ -67,7 +69,9 @@ fn order(stages: &[Use]) -> Result<Vec<usize>, Vec<Problem>> {
             let Target::Stage(name) = &reference.target else { continue };
             match names.get(name.as_str()) {
                 Some(target) => reads[index].push((*target, reference)),
-                None => problems.push(unknown_stage(name, reference, stages)),
+                // A guess looks at all names, and what is beyond the first problems is not shown.
+                None if problems.len() < MOST_SHOWN => problems.push(unknown_stage(name, reference, stages)),
+                None => problems.push(Problem::new(reference.span, format!("the pipeline has no stage `{name}`"))),
             }
         }
     }
@@ -102,33 +106,45 @@ struct Search<'a> {
     stages: &'a [Use],
     reads: &'a [Vec<(usize, &'a Reference)>],
     state: Vec<State>,
-    path: Vec<usize>,
+    /// The open uses, each with how many of those that it reads were looked at.
+    path: Vec<(usize, usize)>,
     done: Vec<usize>,
 }
 
 impl Search<'_> {
+    /// Visits a use and all that it reads at first or second hand. A chain of uses may be long: the path is a list, not
+    /// calls within calls.
     fn visit(&mut self, index: usize) -> Result<(), Problem> {
-        if self.state[index] == State::Done {
-            return Ok(());
+        if self.state[index] != State::Done {
+            self.open(index);
         }
-        self.state[index] = State::Open;
-        self.path.push(index);
-        for (target, reference) in &self.reads[index] {
-            if self.state[*target] == State::Open {
-                return Err(self.cycle(*target, reference));
+        while let Some((here, next)) = self.path.last_mut() {
+            let here = *here;
+            let Some((target, reference)) = self.reads[here].get(*next) else {
+                self.path.pop();
+                self.state[here] = State::Done;
+                self.done.push(here);
+                continue;
+            };
+            *next += 1;
+            match self.state[*target] {
+                State::New => self.open(*target),
+                State::Open => return Err(self.cycle(*target, reference)),
+                State::Done => {}
             }
-            self.visit(*target)?;
         }
-        self.path.pop();
-        self.state[index] = State::Done;
-        self.done.push(index);
         Ok(())
     }
 
+    fn open(&mut self, index: usize) {
+        self.state[index] = State::Open;
+        self.path.push((index, 0));
+    }
+
     fn cycle(&self, target: usize, reference: &Reference) -> Problem {
-        let start = self.path.iter().position(|index| *index == target).expect("an open stage is on the path");
-        let chain: Vec<String> =
-            self.path[start..].iter().chain([&target]).map(|index| format!("`{}`", self.stages[*index].name)).collect();
+        let start = self.path.iter().position(|(index, _)| *index == target).expect("an open stage is on the path");
+        let cycle = self.path[start..].iter().map(|(index, _)| *index).chain([target]);
+        let chain: Vec<String> = cycle.map(|index| format!("`{}`", self.stages[index].name)).collect();
         if chain.len() == 2 {
             return Problem::new(reference.span, format!("{} reads itself", chain[0]));
         }
@@ -144,6 +160,8 @@ struct Graph {
     seed: u64,
     groups: Vec<MapGroup>,
     nodes: Vec<Node>,
+    /// Whether it is still worth saying what was probably meant.
+    guesses: bool,
     /// What each stage makes; the maps stand under the empty name.
     outputs: BTreeMap<String, Fed>,
 }
@@ -269,6 +287,10 @@ impl Graph {
         };
         let Some(wrong) = nodes.find(|node| self.nodes[**node].spec.output.name != port.kind) else { return Ok(()) };
         let kind = self.nodes[*wrong].spec.output.name;
+        let message = format!("port `{}` takes {}, but `{reference}` is {kind}", port.name, port.kind);
+        if !self.guesses {
+            return Err(Problem::new(reference.span, message));
+        }
         let mut fitting: Vec<String> = Vec::new();
         for node in self.nodes.iter().filter(|node| node.spec.output.name == port.kind) {
             let name = if &*node.stage_name == "maps" { "$maps" } else { &*node.stage_name };
@@ -285,7 +307,6 @@ impl Graph {
                 )
             })
             .map(|list| list.replacen(" made by", " is made by", 1));
-        let message = format!("port `{}` takes {}, but `{reference}` is {kind}", port.name, port.kind);
         Err(Problem::new(reference.span, message).with_help_from(help))
     }
 

@@ -3,7 +3,7 @@
 //! Aliases are copied in place, merge keys (`<<`) are resolved (a key written out wins over a merged one), and a key that
 //! appears twice is an error.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use granit_parser::{Event, Options, Parser, ScalarStyle, options};
 use serde_json::{Map, Number, Value};
@@ -303,6 +303,10 @@ fn refuse_tag(tagged: bool, span: Span) -> Result<(), Problem> {
 
 /// Adds what merge keys bring in, unless the mapping or an earlier merge has the key.
 fn add_merged(members: &mut Vec<Member>, merged: Vec<(Tree, Span)>) -> Result<(), Problem> {
+    if merged.is_empty() {
+        return Ok(());
+    }
+    let mut keys: BTreeSet<String> = members.iter().map(|member| member.key.clone()).collect();
     for (value, at) in merged {
         let sources = match value.data {
             Data::Sequence(items) => items,
@@ -314,7 +318,7 @@ fn add_merged(members: &mut Vec<Member>, merged: Vec<(Tree, Span)>) -> Result<()
                     .with_help("write `<<: *name` where `name` is the anchor of a mapping"));
             };
             for member in more {
-                if !members.iter().any(|have| have.key == member.key) {
+                if keys.insert(member.key.clone()) {
                     members.push(member);
                 }
             }
