@@ -7,19 +7,21 @@
 mod read;
 
 use std::collections::BTreeMap;
-use std::io::Write;
-use std::sync::Arc;
+use std::io::{self, Write};
+use std::sync::{Arc, Mutex};
 
 use arrow::array::{ArrayRef, RecordBatch};
 use arrow::datatypes::{DataType, Field, Schema, SchemaRef};
 use parquet::arrow::arrow_writer::{ArrowWriter, ArrowWriterOptions};
 use parquet::basic::{Compression, Encoding, ZstdLevel};
+use parquet::errors::ParquetError;
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::{EnabledStatistics, WriterProperties, WriterVersion};
 use parquet::schema::types::ColumnPath;
 
 use super::KindError;
 use crate::domain::geometry::Frame;
+use crate::store::StoreError;
 
 pub use read::{AnyTable, Batch, Batches, Outline, Table, read_any, wrong_value};
 
@@ -163,8 +165,11 @@ impl Layout {
         // Only lists of a fixed length need the schema in Arrow's words; everything else has a Parquet type of its own.
         let plain = !schema.fields().iter().any(|f| matches!(f.data_type(), DataType::FixedSizeList(..)));
         let options = ArrowWriterOptions::new().with_properties(self.properties()).with_skip_arrow_metadata(plain);
-        let inner = ArrowWriter::try_new_with_options(sink, schema.clone(), options).map_err(self.encode())?;
-        Ok(TableWriter { kind: self.kind, schema, inner })
+        let failure = Failure::default();
+        let sink = Sink { inner: sink, failure: failure.clone() };
+        let inner = ArrowWriter::try_new_with_options(sink, schema.clone(), options);
+        let inner = inner.map_err(|source| failure.explain(self.kind, source))?;
+        Ok(TableWriter { kind: self.kind, schema, inner, failure })
     }
 
     /// Encodes whole columns, one array for each column of the layout.
@@ -175,11 +180,6 @@ impl Layout {
         let mut writer = self.writer(Vec::new())?;
         writer.write(arrays)?;
         writer.finish()
-    }
-
-    fn encode(&self) -> impl Fn(parquet::errors::ParquetError) -> KindError + use<> {
-        let kind = self.kind;
-        move |source| KindError::Encode { kind, source }
     }
 }
 
@@ -198,7 +198,8 @@ fn leaf(column: &Column) -> ColumnPath {
 pub struct TableWriter<W: Write + Send> {
     kind: &'static str,
     schema: SchemaRef,
-    inner: ArrowWriter<W>,
+    inner: ArrowWriter<Sink<W>>,
+    failure: Failure,
 }
 
 impl<W: Write + Send> TableWriter<W> {
@@ -209,7 +210,7 @@ impl<W: Write + Send> TableWriter<W> {
     pub fn write(&mut self, arrays: Vec<ArrayRef>) -> Result<(), KindError> {
         let batch = RecordBatch::try_new(self.schema.clone(), arrays)
             .map_err(|e| KindError::Shape { kind: self.kind, what: e.to_string() })?;
-        self.inner.write(&batch).map_err(|source| KindError::Encode { kind: self.kind, source })
+        self.inner.write(&batch).map_err(|source| self.failure.explain(self.kind, source))
     }
 
     /// Adds to the metadata of the file what is only known at its end.
@@ -220,9 +221,105 @@ impl<W: Write + Send> TableWriter<W> {
     /// Writes what is left and returns the sink.
     ///
     /// # Errors
-    /// [`KindError::Encode`] if the sink fails.
+    /// [`KindError`] if the sink fails.
     pub fn finish(self) -> Result<W, KindError> {
-        let kind = self.kind;
-        self.inner.into_inner().map_err(|source| KindError::Encode { kind, source })
+        let Self { kind, inner, failure, .. } = self;
+        inner.into_inner().map(|sink| sink.inner).map_err(|source| failure.explain(kind, source))
+    }
+}
+
+/// What a sink said when it failed first: the encoder hands some errors on as mere texts.
+#[derive(Debug, Clone, Default)]
+struct Failure(Arc<Mutex<Option<io::Error>>>);
+
+impl Failure {
+    /// Turns what the encoder says into the sink's own words, if it was the sink that failed.
+    fn explain(&self, kind: &'static str, source: ParquetError) -> KindError {
+        let said = self.0.lock().expect("nothing panics while it holds this lock").take();
+        match said.map(io::Error::downcast::<StoreError>) {
+            Some(Ok(error)) => KindError::Store(error),
+            Some(Err(error)) => KindError::Encode { kind, source: error.into() },
+            None => KindError::Encode { kind, source },
+        }
+    }
+}
+
+/// A sink that remembers how it failed.
+struct Sink<W> {
+    inner: W,
+    failure: Failure,
+}
+
+impl<W> Sink<W> {
+    fn note<T>(&self, result: io::Result<T>) -> io::Result<T> {
+        result.map_err(|error| {
+            let mut failure = self.failure.0.lock().expect("nothing panics while it holds this lock");
+            // What is written again is no failure.
+            if error.kind() == io::ErrorKind::Interrupted || failure.is_some() {
+                return error;
+            }
+            let (kind, text) = (error.kind(), error.to_string());
+            *failure = Some(error);
+            io::Error::new(kind, text)
+        })
+    }
+}
+
+impl<W: Write> Write for Sink<W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        let result = self.inner.write(bytes);
+        self.note(result)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        let result = self.inner.flush();
+        self.note(result)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use arrow::array::Float64Array;
+
+    use super::*;
+
+    /// Takes so many bytes and then fails as the store does.
+    struct Full(usize);
+
+    impl Write for Full {
+        fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+            match self.0.checked_sub(bytes.len()) {
+                Some(left) => {
+                    self.0 = left;
+                    Ok(bytes.len())
+                }
+                None => Err(io::Error::other(StoreError::NoRun { id: "full".to_owned() })),
+            }
+        }
+
+        fn flush(&mut self) -> io::Result<()> {
+            Ok(())
+        }
+    }
+
+    #[test]
+    fn whenever_the_store_fails_its_own_error_comes_back() {
+        // More than the encoder's buffer of 8 KiB in two row groups: some errors come when a group ends, some at the end.
+        let column = Column::new("x", DataType::Float64).coding(Coding::Split);
+        let layout = Layout { group_rows: 4096, ..Layout::new("Test", 1, vec![column]) };
+        let values: Vec<f64> = (0..8192).map(|i| f64::from(i).sin()).collect();
+        let array: ArrayRef = Arc::new(Float64Array::from(values));
+        let write = |room| -> Result<Full, KindError> {
+            let mut writer = layout.writer(Full(room))?;
+            writer.write(vec![array.clone()])?;
+            writer.finish()
+        };
+        let size = 1_000_000 - write(1_000_000).expect("there is room").0;
+        assert!(size > 20_000, "{size}");
+        for room in (0..size).step_by(97).chain([size - 1]) {
+            let error = write(room).err().expect("there is no room");
+            assert!(matches!(&error, KindError::Store(StoreError::NoRun { .. })), "{room}: {error}");
+        }
+        write(size).map(drop).expect("there is just enough room");
     }
 }
