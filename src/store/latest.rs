@@ -25,17 +25,24 @@ impl Store {
     /// Makes `latest/<pipeline>` show exactly these nodes: `<node>.<extension>` for a file, `<node>/<part>` for a bundle.
     ///
     /// Links that are right are left alone, others are replaced at once, and those of nodes that are gone are removed. It
-    /// touches nothing that is not a link.
+    /// touches nothing but its own links, those into the objects of this store. It returns what keeps single nodes from
+    /// being shown: a name that is none for a file, or something else in the way.
     ///
     /// # Errors
-    /// If a name is none for a file, if something else is in the way, or if the store cannot be written.
-    pub fn link_latest(&self, pipeline: &str, nodes: &[LatestEntry]) -> Result<(), StoreError> {
+    /// If the pipeline's name is none for a file, if something else is in the way of its folder, or if the store cannot be
+    /// written.
+    pub fn link_latest(&self, pipeline: &str, nodes: &[LatestEntry]) -> Result<Vec<StoreError>, StoreError> {
         check_name("pipeline", pipeline)?;
-        let wanted = wanted(nodes)?;
-        let folder = self.root.join("latest").join(pipeline);
+        let mut problems = Vec::new();
+        let wanted = wanted(nodes, &mut problems);
+        let latest = self.root.join("latest");
+        let folder = latest.join(pipeline);
+        for folder in [&latest, &folder] {
+            check_folder(folder)?;
+        }
         // The common case takes no lock and writes nothing.
         if self.stale_links(&folder, &wanted)?.is_right() {
-            return Ok(());
+            return Ok(problems);
         }
         let _lock = self.lock_name("latest")?;
         let session = self.session()?;
@@ -50,9 +57,13 @@ impl Store {
             }
         }
         for (name, digest) in &found.missing {
-            self.link(&session, &folder.join(name), &relative(name, digest))?;
+            match self.link(&session, &folder, name, digest) {
+                Ok(()) => {}
+                Err(error @ StoreError::Occupied { .. }) => problems.push(error),
+                Err(error) => return Err(error),
+            }
         }
-        Ok(())
+        Ok(problems)
     }
 
     /// Compares the links that are there with the wanted ones.
@@ -65,7 +76,7 @@ impl Store {
             let digest = links.missing.get(name);
             if digest.is_some_and(|digest| target.as_os_str() == relative(name, digest).as_str()) {
                 links.missing.remove(name);
-            } else if digest.is_none() {
+            } else if digest.is_none() && is_own(name, target) {
                 links.stale.push(folder.join(name));
             }
         })?;
@@ -97,21 +108,30 @@ impl Store {
         Ok(())
     }
 
-    /// Makes or replaces one link.
-    fn link(&self, session: &Session, path: &Path, target: &str) -> Result<(), StoreError> {
-        let folder = path.parent().expect("a link lies in the folder of its pipeline");
-        fs::create_dir_all(folder).map_err(|error| match error.kind() {
+    /// Makes one link, or replaces one of its own.
+    fn link(&self, session: &Session, folder: &Path, name: &str, digest: &Digest) -> Result<(), StoreError> {
+        let path = folder.join(name);
+        let parent = path.parent().expect("a link lies in the folder of its pipeline");
+        // A link to a folder on the way would lead out of the store.
+        for above in parent.ancestors().take_while(|above| *above != folder) {
+            check_folder(above)?;
+        }
+        fs::create_dir_all(parent).map_err(|error| match error.kind() {
             io::ErrorKind::NotADirectory | io::ErrorKind::AlreadyExists => {
-                StoreError::Occupied { path: folder.to_path_buf() }
+                StoreError::Occupied { path: parent.to_path_buf() }
             }
-            _ => failed(&self.root, "create", folder)(error),
+            _ => failed(&self.root, "create", parent)(error),
         })?;
-        if path.symlink_metadata().is_ok_and(|there| !there.is_symlink()) {
-            return Err(StoreError::Occupied { path: path.to_path_buf() });
+        let own = match fs::read_link(&path) {
+            Ok(target) => is_own(name, &target),
+            Err(_) => path.symlink_metadata().is_err(),
+        };
+        if !own {
+            return Err(StoreError::Occupied { path });
         }
         let temporary = session.unique_path();
-        symlink(target, &temporary).map_err(failed(&self.root, "write", &temporary))?;
-        fs::rename(&temporary, path).map_err(failed(&self.root, "write", path))
+        symlink(relative(name, digest), &temporary).map_err(failed(&self.root, "write", &temporary))?;
+        fs::rename(&temporary, &path).map_err(failed(&self.root, "write", &path))
     }
 
     /// Removes the links whose objects are gone; returns how many there were.
@@ -141,32 +161,56 @@ impl Links<'_> {
     }
 }
 
-/// Returns the links by their path below the pipeline's folder.
-fn wanted(nodes: &[LatestEntry]) -> Result<BTreeMap<String, Digest>, StoreError> {
+/// Makes sure that a path is a folder, or nothing yet.
+fn check_folder(path: &Path) -> Result<(), StoreError> {
+    match path.symlink_metadata() {
+        Ok(there) if !there.is_dir() => Err(StoreError::Occupied { path: path.to_path_buf() }),
+        _ => Ok(()),
+    }
+}
+
+/// Returns the links by their path below the pipeline's folder, without those that cannot be.
+fn wanted(nodes: &[LatestEntry], problems: &mut Vec<StoreError>) -> BTreeMap<String, Digest> {
     let mut wanted = BTreeMap::new();
     for entry in nodes {
-        for name in entry.node.split('/') {
-            check_name("node", name)?;
-        }
+        let mut add = |name: String, digest: Digest| {
+            match name.split('/').try_for_each(|part| check_name("link", part)) {
+                Ok(()) => drop(wanted.insert(name, digest)),
+                Err(error) => problems.push(error),
+            };
+        };
         if entry.artifact.is_bundle() {
             for file in &entry.artifact.files {
-                check_name("part", &file.name)?;
-                wanted.insert(format!("{}/{}", entry.node, file.name), file.digest);
+                add(format!("{}/{}", entry.node, file.name), file.digest);
             }
         } else if entry.extension.is_empty() {
-            wanted.insert(entry.node.clone(), entry.artifact.digest);
+            add(entry.node.clone(), entry.artifact.digest);
         } else {
-            wanted.insert(format!("{}.{}", entry.node, entry.extension), entry.artifact.digest);
+            add(format!("{}.{}", entry.node, entry.extension), entry.artifact.digest);
         }
     }
-    Ok(wanted)
+    wanted
+}
+
+/// Tells whether a link of a name is one that the store has made: it leads to an object of this store.
+fn is_own(name: &str, target: &Path) -> bool {
+    let own = |target: &str| {
+        let object = target.strip_prefix(&format!("{}objects/", above(name)))?;
+        let (folder, rest) = object.split_once('/')?;
+        (folder.len() == 2).then(|| format!("{folder}{rest}").parse::<Digest>().ok()).flatten()
+    };
+    target.to_str().and_then(own).is_some()
+}
+
+/// Returns the way up from a link to the store's folder; beside the folders of the name there are `latest` and the pipeline's.
+fn above(name: &str) -> String {
+    "../".repeat(name.matches('/').count() + 2)
 }
 
 /// Returns the target of a link: up from the name to the store's folder, then down to the object.
 fn relative(name: &str, digest: &Digest) -> String {
     let hex = digest.to_hex();
-    // Beside the folders of the name there are `latest` and the pipeline's.
-    format!("{}objects/{}/{}", "../".repeat(name.matches('/').count() + 2), &hex[..2], &hex[2..])
+    format!("{}objects/{}/{}", above(name), &hex[..2], &hex[2..])
 }
 
 #[cfg(test)]
@@ -245,25 +289,94 @@ mod tests {
         assert_eq!(shown(&store), ["a.parquet: a", "b.parquet: b"]);
     }
 
-    #[test]
-    fn names_that_lead_elsewhere_are_refused() {
-        let (_folder, store) = store();
-        for node in ["", "..", "a/../../b", "/a", "a//b"] {
-            let entry = file(&store, node, "a");
-            assert!(matches!(store.link_latest("homes", &[entry]), Err(StoreError::Name { .. })), "{node}");
-        }
-        assert!(matches!(store.link_latest("a/b", &[]), Err(StoreError::Name { .. })));
+    /// Returns the problems of an attempt as texts.
+    fn problems(store: &Store, nodes: &[LatestEntry]) -> Vec<String> {
+        store.link_latest("homes", nodes).expect("links the rest").iter().map(ToString::to_string).collect()
     }
 
     #[test]
-    fn a_file_in_the_way_is_named_and_left() {
+    fn a_name_that_cannot_be_linked_costs_one_link() {
+        let (_folder, store) = store();
+        let long = "x".repeat(256 - ".parquet".len());
+        let odd = ["", "..", "a/../../b", "/a", "a//b", "red\u{1b}[31m", "two\nlines", "nul\0", &long];
+        for node in odd {
+            let found = problems(&store, &[file(&store, node, "a"), file(&store, "good", "b")]);
+            assert_eq!(found.len(), 1, "{node:?}: {found:?}");
+            assert_eq!(shown(&store), ["good.parquet: b"]);
+        }
+        let fine = ["back\\slash", "a b", "-x", "ä", "...", &long[1..]];
+        let entries: Vec<_> = fine.iter().map(|node| file(&store, node, "a")).collect();
+        assert_eq!(problems(&store, &entries), Vec::<String>::new());
+        assert_eq!(shown(&store).len(), fine.len());
+        for pipeline in ["a/b", "..", "", "a\u{7f}"] {
+            assert!(matches!(store.link_latest(pipeline, &[]), Err(StoreError::Name { .. })), "{pipeline:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_in_the_way_is_named_and_left() {
         let (folder, store) = store();
-        let path = folder.path().join("latest/homes/a.parquet");
-        fs::create_dir_all(path.parent().expect("has one")).expect("creates");
-        fs::write(&path, "mine").expect("writes");
-        let error = store.link_latest("homes", &[file(&store, "a", "b")]).expect_err("it is in the way");
-        assert!(error.to_string().contains("latest/homes/a.parquet"), "{error}");
-        assert!(store.link_latest("homes", &[file(&store, "a.parquet/b", "b")]).is_err());
-        assert_eq!(fs::read_to_string(&path).expect("reads"), "mine");
+        let path = |name: &str| folder.path().join("latest/homes").join(name);
+        fs::create_dir_all(path("folder.parquet")).expect("creates");
+        fs::write(path("a.parquet"), "mine").expect("writes");
+        let nodes = ["a", "folder", "a.parquet/b", "good"].map(|node| file(&store, node, "b"));
+        let found = problems(&store, &nodes);
+        assert_eq!(found.len(), 3, "{found:?}");
+        assert!(found.iter().all(|text| text.contains("latest/homes/")), "{found:?}");
+        assert_eq!(fs::read_to_string(path("a.parquet")).expect("reads"), "mine");
+        assert_eq!(fs::read_to_string(path("good.parquet")).expect("reads"), "b");
+    }
+
+    #[test]
+    fn links_of_others_are_left_alone() {
+        let (folder, store) = store();
+        let root = folder.path();
+        let path = |name: &str| root.join("latest/homes").join(name);
+        store.link_latest("homes", &[file(&store, "visits/a", "a")]).expect("links");
+        fs::create_dir(root.join("mine")).expect("creates");
+        let hex = Digest::of(b"a").to_hex();
+        let object = format!("objects/{}/{}", &hex[..2], &hex[2..]);
+        let others = [
+            ("host", "/etc/hostname".to_owned()),
+            ("visits/dangling", "nowhere".to_owned()),
+            ("folder", "../../mine".to_owned()),
+            // The objects of another store, and what only looks like an object of this one.
+            ("other", format!("../../../other/{object}")),
+            ("absolute", root.join(&object).display().to_string()),
+            ("near", "../../objects/ab/notes.txt".to_owned()),
+            ("b.parquet", "/etc/hostname".to_owned()),
+        ];
+        for (name, target) in &others {
+            symlink(target, path(name)).expect("links");
+        }
+        let nodes = [file(&store, "visits/a", "c"), file(&store, "b", "b"), file(&store, "folder/d", "d")];
+        let found = problems(&store, &nodes);
+        assert_eq!(found.len(), 2, "{found:?}");
+        assert!(found[0].contains("b.parquet") && found[1].contains("latest/homes/folder"), "{found:?}");
+        for (name, target) in &others {
+            assert_eq!(fs::read_link(path(name)).expect("is there"), Path::new(target), "{name}");
+        }
+        assert_eq!(fs::read_dir(root.join("mine")).expect("lists").count(), 0);
+        assert_eq!(fs::read_to_string(path("visits/a.parquet")).expect("reads"), "c");
+    }
+
+    #[test]
+    fn a_folder_that_is_a_link_is_not_followed() {
+        let (folder, store) = store();
+        let root = folder.path();
+        let nodes = [file(&store, "a", "a")];
+        let mine = root.join("mine");
+        fs::create_dir(&mine).expect("creates");
+        symlink("/etc/hostname", mine.join("link")).expect("links");
+        symlink(&mine, root.join("latest/homes")).expect("links");
+        fs::write(root.join("latest/plain"), "mine").expect("writes");
+        for pipeline in ["homes", "plain"] {
+            let error = store.link_latest(pipeline, &nodes).expect_err("is in the way");
+            assert!(error.to_string().contains(pipeline) && error.help().is_some(), "{error}");
+        }
+        fs::remove_dir_all(root.join("latest")).expect("removes");
+        symlink(&mine, root.join("latest")).expect("links");
+        assert!(matches!(store.link_latest("homes", &nodes), Err(StoreError::Occupied { .. })));
+        assert_eq!(fs::read_dir(&mine).expect("lists").count(), 1);
     }
 }

@@ -14,7 +14,7 @@ pub(super) fn close(mut scheduler: Scheduler, begun: Begun) -> Result<RunReport,
     let pipeline = scheduler.ledger.graph.pipeline;
     store.save_sources()?;
     let entries = latest(&scheduler);
-    if let Err(error) = store.link_latest(&pipeline.name, &entries) {
+    for error in store.link_latest(&pipeline.name, &entries).unwrap_or_else(|error| vec![error]) {
         scheduler.warn(None, format!("failed to link the newest artifacts: {error}"));
     }
     let all_ended = scheduler.counts.skipped == 0;
