@@ -20,8 +20,6 @@ mod shown;
 pub mod terminal;
 mod tracks;
 
-use std::path::PathBuf;
-
 use crate::kinds::{KindError, TableError};
 use crate::store::StoreError;
 
@@ -39,12 +37,6 @@ pub enum ReportError {
     Table(#[from] TableError),
     #[error("there is no way to show a `{kind}`")]
     UnknownKind { kind: String },
-    #[error("failed to write the report to `{}`", path.display())]
-    Write {
-        path: PathBuf,
-        #[source]
-        source: std::io::Error,
-    },
 }
 
 impl ReportError {
@@ -56,7 +48,6 @@ impl ReportError {
             Self::Kind(error) => error.help(),
             Self::Table(error) => error.help(),
             Self::UnknownKind { .. } => Some("a newer version of trodden may have made it".to_owned()),
-            Self::Write { .. } => Some("make room, or let yourself write there: the artifacts are safe".to_owned()),
         }
     }
 }

@@ -14,9 +14,7 @@ mod page;
 mod source;
 mod training;
 
-use std::fs;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use rayon::prelude::*;
 
@@ -29,13 +27,9 @@ use source::Source;
 /// Writes the report of a run to `runs/<id>/report.html` and returns where that is.
 ///
 /// # Errors
-/// [`ReportError::Write`] if the file cannot be written. What cannot be read is no error: the report says what is missing.
+/// [`ReportError::Store`] if the file cannot be written. What cannot be read is no error: the report says what is missing.
 pub fn write(store: &Store, run: &Run) -> Result<PathBuf, ReportError> {
-    let folder = store.run_dir(&run.id);
-    let path = folder.join("report.html");
-    let page = render(store, run);
-    save(&folder, &path, page.as_bytes()).map_err(|source| ReportError::Write { path: path.clone(), source })?;
-    Ok(path)
+    Ok(store.attach(&run.id, "report.html", render(store, run).as_bytes())?)
 }
 
 /// Returns the report of a run.
@@ -70,15 +64,4 @@ fn results(source: &Source<'_>) -> Fragment {
         [numbers::section, maps::featured, training::section, maps::gallery];
     let drawn: Vec<Fragment> = sections.par_iter().map(|section| section(source)).collect();
     Fragment { html: drawn.iter().map(|part| part.html.as_str()).collect(), whole: drawn.iter().all(|part| part.whole) }
-}
-
-/// Writes a file under another name first, so that nobody sees half of it.
-fn save(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    fs::create_dir_all(folder)?;
-    let mut file = tempfile::Builder::new().prefix(".report-").tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    let readable = std::os::unix::fs::PermissionsExt::from_mode(0o644);
-    fs::set_permissions(file.path(), readable)?;
-    file.persist(path)?;
-    Ok(())
 }
