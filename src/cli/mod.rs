@@ -19,6 +19,7 @@ mod run;
 mod schema;
 mod screen;
 mod show;
+mod signals;
 mod sql;
 mod status;
 mod verify;

@@ -3,12 +3,13 @@
 use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 
 use super::error::CliError;
 use super::plan::print_plan;
 use super::request::PipelineArgs;
 use super::screen::Screen;
+use super::signals;
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute};
 use crate::report::bars::{BarStyle, Bars};
@@ -63,9 +64,9 @@ impl Args {
         if self.dry_run {
             return print_plan(&pipeline, store, &self.only, false, screen);
         }
-        let store = Store::open(store)?;
         let cancelled = Arc::new(AtomicBool::new(false));
-        listen(&cancelled);
+        signals::listen(&cancelled);
+        let store = Store::open_until(store, &cancelled)?;
         let options = Options {
             jobs: self.jobs.map_or_else(cores, |jobs| jobs as usize),
             memory: self.memory.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64),
@@ -116,18 +117,6 @@ fn finish(report: &RunReport, screen: &Screen) -> ExitCode {
         RunStatus::Failed if report.failures.iter().any(|failure| failure.damaged) => ExitCode::from(3),
         RunStatus::Failed => ExitCode::from(1),
     }
-}
-
-/// Lets the first Ctrl-C stop the run at the next safe point and the second one end the program.
-fn listen(cancelled: &Arc<AtomicBool>) {
-    let cancelled = Arc::clone(cancelled);
-    let handler = move || {
-        if cancelled.swap(true, Ordering::SeqCst) {
-            std::process::exit(130);
-        }
-    };
-    // Without a handler Ctrl-C ends the program at once, which the store survives as well.
-    let _ = ctrlc::set_handler(handler);
 }
 
 pub(super) fn cores() -> usize {

@@ -66,8 +66,11 @@ pub enum StoreError {
     /// Two parts of one bundle have the same name.
     #[error("two parts of a bundle are called `{name}`")]
     DuplicatePart { name: String },
-    /// Something that the store did not put there is where a link should be.
-    #[error("`{path}` is in the way of a link")]
+    /// Whoever asked for it does not want it any more.
+    #[error("interrupted")]
+    Interrupted,
+    /// Something that the store did not put there is where a link, or a folder of links, should be.
+    #[error("`{path}` is in the way: the store has not put it there, so it is left alone")]
     Occupied { path: PathBuf },
 }
 
@@ -97,7 +100,11 @@ impl StoreError {
             Self::NoRun { .. } => "`trodden ls --runs` lists them".to_owned(),
             Self::AmbiguousRun { .. } => "give more digits".to_owned(),
             Self::Occupied { .. } => "move it away: the folder `latest` belongs to the store".to_owned(),
-            Self::Io { .. } | Self::Name { .. } | Self::DuplicatePart { .. } => return None,
+            Self::Io { action: "lock", .. } => {
+                "a store needs a file system with locks, such as a local disk or NFS 4; `--store DIR` names another folder"
+                    .to_owned()
+            }
+            Self::Io { .. } | Self::Interrupted | Self::Name { .. } | Self::DuplicatePart { .. } => return None,
         })
     }
 
@@ -116,6 +123,9 @@ pub(super) fn failed<'a>(
 ) -> impl FnOnce(io::Error) -> StoreError + 'a {
     move |source| {
         let (root, path) = (root.to_path_buf(), path.to_path_buf());
+        if source.get_ref().is_some_and(|inner| inner.is::<Stopped>()) {
+            return StoreError::Interrupted;
+        }
         match source.kind() {
             io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => StoreError::Full { root, source },
             io::ErrorKind::ReadOnlyFilesystem => StoreError::ReadOnly { root, path, source },
@@ -123,6 +133,16 @@ pub(super) fn failed<'a>(
             _ => StoreError::Io { action, path, source },
         }
     }
+}
+
+/// What an I/O error carries that only says that somebody wants no more of it.
+#[derive(Debug, thiserror::Error)]
+#[error("interrupted")]
+struct Stopped;
+
+/// Makes the I/O error that becomes [`StoreError::Interrupted`].
+pub(super) fn stopped() -> io::Error {
+    io::Error::other(Stopped)
 }
 
 fn belonging(nodes: &[String]) -> String {

@@ -6,11 +6,12 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use super::error::failed;
+use super::session::Session;
 use super::{Digest, Store, StoreError};
 
 /// How an entry of the store is opened for those who may read the folder.
 const OBJECT_MODE: u32 = 0o444;
-const RECORD_MODE: u32 = 0o644;
+pub(super) const RECORD_MODE: u32 = 0o644;
 
 impl Store {
     /// Writes a record under a unique name, syncs it, then gives it its own name.
@@ -19,10 +20,19 @@ impl Store {
         let mut file = Temporary::create(&self.root, session.unique_path(), RECORD_MODE)?;
         let written = file.path.clone();
         file.file.write_all(bytes).map_err(failed(&self.root, "write", &written))?;
-        let folder = path.parent().expect("records lie in folders of the store");
+        self.name_file(&session, file, path)
+    }
+
+    /// Gives a written file its name in a folder of the store, which is made if it is not there.
+    pub(super) fn name_file(&self, session: &Session, file: Temporary, path: &Path) -> Result<(), StoreError> {
+        let folder = path.parent().expect("everything lies in folders of the store");
         fs::create_dir_all(folder).map_err(failed(&self.root, "create", folder))?;
         file.persist(&self.root, path)?;
         session.touched(folder);
+        // Its own entry may be new, by this process or by one that was killed before it could sync it.
+        if let Some(above) = folder.parent().filter(|_| folder != self.root) {
+            session.touched(above);
+        }
         Ok(())
     }
 
@@ -56,7 +66,7 @@ pub(super) struct Temporary {
 }
 
 impl Temporary {
-    fn create(root: &Path, path: PathBuf, mode: u32) -> Result<Self, StoreError> {
+    pub(super) fn create(root: &Path, path: PathBuf, mode: u32) -> Result<Self, StoreError> {
         let file = OpenOptions::new()
             .write(true)
             .create_new(true)
@@ -72,8 +82,13 @@ impl Temporary {
     }
 
     /// Syncs the content, then gives the file its name, in place of what was there.
-    pub(super) fn persist(mut self, root: &Path, path: &Path) -> Result<(), StoreError> {
+    pub(super) fn persist(self, root: &Path, path: &Path) -> Result<(), StoreError> {
         self.file.sync_data().map_err(failed(root, "write", &self.path))?;
+        self.rename(root, path)
+    }
+
+    /// Gives the file its name, in place of what was there.
+    pub(super) fn rename(mut self, root: &Path, path: &Path) -> Result<(), StoreError> {
         fs::rename(&self.path, path).map_err(failed(root, "write", path))?;
         self.persisted = true;
         Ok(())
@@ -87,6 +102,32 @@ impl Drop for Temporary {
             let _ = fs::remove_file(&self.path);
         }
     }
+}
+
+/// Writes a file outside of the store so that its name never holds half of it: under another name beside it first.
+///
+/// What has the name already is replaced if it is a regular file, with its permissions; through links. What is no regular
+/// file, such as a pipe, is written to as it is.
+///
+/// # Errors
+/// If it cannot be written; what was there before is there still.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
+    let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let before = fs::metadata(&path).ok();
+    if before.as_ref().is_some_and(|before| !before.is_file()) {
+        return OpenOptions::new().write(true).open(&path)?.write_all(bytes);
+    }
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or_else(|| Path::new("."));
+    let mut temporary = tempfile::Builder::new()
+        .prefix(".trodden-")
+        .make_in(folder, |name| OpenOptions::new().write(true).create_new(true).open(name))?;
+    temporary.write_all(bytes)?;
+    if let Some(before) = before {
+        temporary.as_file().set_permissions(before.permissions())?;
+    }
+    temporary.as_file().sync_data()?;
+    temporary.persist(&path).map_err(|error| error.error)?;
+    File::open(folder)?.sync_all()
 }
 
 /// Returns where the entry of a digest lies in a folder of 256 folders.
@@ -141,8 +182,45 @@ pub(super) fn list(root: &Path, folder: &Path) -> Result<Vec<PathBuf>, StoreErro
     Ok(paths)
 }
 
-/// Refuses names that would be more or less than one file in the folder they are meant for.
+/// The longest name of a file, in bytes, that every usual file system can hold.
+const NAME_LIMIT: usize = 255;
+
+/// Refuses names that would be more or less than one file in the folder they are meant for, or that a terminal would take for
+/// commands.
 pub(super) fn check_name(what: &'static str, name: &str) -> Result<(), StoreError> {
-    let plain = !matches!(name, "" | "." | "..") && !name.contains(['/', '\\', '\0']) && name.len() <= 200;
+    let odd = |character: char| character == '/' || character.is_control();
+    let plain = !matches!(name, "" | "." | "..") && !name.contains(odd) && name.len() <= NAME_LIMIT;
     if plain { Ok(()) } else { Err(StoreError::Name { what, name: name.to_owned() }) }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+
+    use super::*;
+
+    #[test]
+    fn a_file_is_written_whole_or_not_at_all() {
+        let folder = tempfile::tempdir().expect("creates");
+        let path = |name: &str| folder.path().join(name);
+        let names = || {
+            let entries = fs::read_dir(folder.path()).expect("lists");
+            let mut names: Vec<_> = entries.map(|entry| entry.expect("lists").file_name()).collect();
+            names.sort();
+            names
+        };
+        write_whole(&path("a"), b"one").expect("writes");
+        assert_eq!(fs::metadata(path("a")).expect("is there").permissions().mode() & 0o600, 0o600);
+        fs::set_permissions(path("a"), fs::Permissions::from_mode(0o640)).expect("sets");
+        symlink("a", path("link")).expect("links");
+        write_whole(&path("link"), b"two").expect("writes");
+        assert_eq!(fs::read(path("a")).expect("reads"), b"two");
+        assert_eq!(fs::metadata(path("a")).expect("is there").permissions().mode() & 0o777, 0o640);
+        assert!(write_whole(&path("nowhere/b"), b"three").is_err());
+        assert!(write_whole(folder.path(), b"three").is_err());
+        assert_eq!(names(), ["a", "link"]);
+        write_whole(Path::new("/dev/null"), b"three").expect("a device is written to as it is");
+        let full = write_whole(Path::new("/dev/full"), b"three").expect_err("has no space");
+        assert_eq!(full.kind(), io::ErrorKind::StorageFull);
+    }
 }

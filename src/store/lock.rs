@@ -4,9 +4,15 @@ use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
 
-use super::error::failed;
+use super::error::{failed, stopped};
 use super::{Key, Store, StoreError};
+
+/// How soon, and at most how late, one who waits for a lock tries again.
+const SOON: Duration = Duration::from_millis(1);
+const LATE: Duration = Duration::from_millis(50);
 
 /// The right to make a node; it ends with this value or with the process, however that ends.
 #[derive(Debug)]
@@ -23,7 +29,8 @@ impl Store {
     pub fn try_lock(&self, key: &Key) -> Result<Option<KeyLock>, StoreError> {
         let path = self.root.join("locks").join(key.to_hex());
         loop {
-            let Some(file) = try_lock(&path).map_err(failed(&self.root, "lock", &path))? else { return Ok(None) };
+            let file = open_lock(&path).and_then(|file| Ok(try_lock(&file)?.then_some(file)));
+            let Some(file) = file.map_err(failed(&self.root, "lock", &path))? else { return Ok(None) };
             if is_still(&file, &path) {
                 return Ok(Some(KeyLock { path, _file: file }));
             }
@@ -60,13 +67,39 @@ pub(super) fn uninterrupted(mut wait: impl FnMut() -> io::Result<()>) -> io::Res
     }
 }
 
-fn try_lock(path: &Path) -> io::Result<Option<File>> {
-    let file = open_lock(path)?;
-    match file.try_lock() {
-        Ok(()) => Ok(Some(file)),
-        Err(TryLockError::WouldBlock) => Ok(None),
+/// Waits for a lock until it is there or the waiting is to end.
+pub(super) fn wait(stop: &AtomicBool, attempt: impl Fn() -> Result<(), TryLockError>) -> io::Result<()> {
+    let mut pause = SOON;
+    loop {
+        if got(attempt())? {
+            return Ok(());
+        }
+        if stop.load(Ordering::Relaxed) {
+            return Err(stopped());
+        }
+        std::thread::sleep(pause);
+        pause = (pause * 2).min(LATE);
+    }
+}
+
+/// Takes the lock of an open file unless somebody has it; returns whether it did.
+pub(super) fn try_lock(file: &File) -> io::Result<bool> {
+    got(file.try_lock())
+}
+
+/// Tells a lock that somebody has from one that cannot be had, as on a file system without locks.
+fn got(attempt: Result<(), TryLockError>) -> io::Result<bool> {
+    match attempt {
+        Ok(()) => Ok(true),
+        Err(TryLockError::WouldBlock) => Ok(false),
+        Err(TryLockError::Error(error)) if error.kind() == io::ErrorKind::Interrupted => Ok(false),
         Err(TryLockError::Error(error)) => Err(error),
     }
+}
+
+/// Opens the file of a lock that is there. Some network file systems lock only what is open for writing.
+pub(super) fn open_existing(path: &Path) -> io::Result<File> {
+    OpenOptions::new().read(true).write(true).open(path)
 }
 
 /// Tells whether a path still names an open file: whoever had the lock before may have removed it since it was opened.
@@ -79,15 +112,45 @@ fn is_still(file: &File, path: &Path) -> bool {
 
 /// Removes the file of a lock that nobody has; returns whether it did.
 pub(super) fn remove_stale(path: &Path) -> bool {
-    match File::open(path).map(|file| (file.try_lock().is_ok(), file)) {
-        Ok((true, file)) => is_still(&file, path) && fs::remove_file(path).is_ok(),
-        _ => false,
-    }
+    let Ok(file) = open_existing(path) else { return false };
+    matches!(try_lock(&file), Ok(true)) && is_still(&file, path) && fs::remove_file(path).is_ok()
 }
 
 impl Drop for KeyLock {
     fn drop(&mut self) {
         // While it is held: who opened it before sees by `is_still` that it is gone.
         let _ = fs::remove_file(&self.path);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_lock_that_somebody_has_counts_as_taken() {
+        let check = |attempt, expected: Result<bool, io::ErrorKind>| {
+            assert_eq!(got(attempt).map_err(|error| error.kind()), expected);
+        };
+        let error = |number| Err(TryLockError::Error(io::Error::from_raw_os_error(number)));
+        check(Ok(()), Ok(true));
+        check(Err(TryLockError::WouldBlock), Ok(false));
+        check(error(libc::EINTR), Ok(false));
+        for number in [libc::ENOLCK, libc::ENOSYS, libc::EBADF, libc::EIO] {
+            check(error(number), Err(io::Error::from_raw_os_error(number).kind()));
+        }
+    }
+
+    #[test]
+    fn waiting_ends_when_it_is_to() {
+        let stop = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            let waiting = scope.spawn(|| wait(&stop, || Err(TryLockError::WouldBlock)));
+            std::thread::sleep(Duration::from_millis(20));
+            assert!(!waiting.is_finished());
+            stop.store(true, Ordering::Relaxed);
+            let error = waiting.join().expect("does not panic").expect_err("was stopped");
+            assert!(matches!(failed(Path::new(""), "lock", Path::new(""))(error), StoreError::Interrupted));
+        });
     }
 }

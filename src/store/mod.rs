@@ -10,6 +10,7 @@
 //! temp/<session>/       what a living process is writing, and what it would miss if `gc` took it
 //! locks/                a lock a key, and the one that `gc` shares with everybody
 //! damaged/              what was found damaged and set aside
+//! cache/                what is quicker to read than to make again; nobody misses it
 //! ```
 //!
 //! # What holds at any moment, whoever is killed
@@ -17,13 +18,16 @@
 //!   then renamed. Recipes, runs and links come to their names in the same way.
 //! - A recipe is written after its objects. A recipe whose objects are gone is no contradiction: it says what came
 //!   out, [`Store::complete`] says whether that is still here.
-//! - `temp/<session>` is locked by its process. The lock dies with the process, then the folder is anybody's to remove.
+//! - `temp/<session>` is locked by its process. The lock dies with the process, then the folder is anybody's to remove. Locks
+//!   may not be seen from another machine: a session of another machine is removed only when it has been silent for a day.
 //! - `gc` never takes what a living process has written or recalled: each notes that in its session first. Noting takes a
 //!   shared lock, collecting an exclusive one, so that there is no moment between looking and deleting.
 //!
 //! Objects and recipes are synced one by one. Folders are synced once a run, when its record is written: what a power cut
 //! could undo before that is a rename, and an object or recipe that is not there is only made again.
 
+mod bounded;
+mod cache;
 mod collect;
 mod digest;
 mod error;
@@ -43,13 +47,17 @@ mod verify;
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::AtomicBool;
 use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
 
+pub use bounded::{open_regular, read_bounded};
+pub use cache::Cache;
 pub use collect::{Collected, Freed};
 pub use digest::{Digest, DigestError, Key};
 pub use error::StoreError;
+pub use file::write_whole;
 pub use latest::LatestEntry;
 pub use lock::KeyLock;
 pub use object::{Artifact, FileRef, ObjectWriter};
@@ -59,11 +67,16 @@ pub use run_index::RunSummary;
 pub use verify::{Damage, Damaged, Missing, VerifyReport};
 
 use error::failed;
-use session::{Gate, Session};
+use file::{RECORD_MODE, Temporary, list};
+use session::{Gate, Session, unique};
 use source::Sources;
 
 /// The format of the store's folder that this version reads and writes.
 const FORMAT: u64 = 1;
+/// The most bytes that a header may have.
+const HEADER_LIMIT: u64 = 1 << 20;
+/// How the name of a header that is being written begins.
+const HEADER_PREFIX: &str = ".store-";
 
 /// A folder that keeps artifacts.
 ///
@@ -72,6 +85,8 @@ const FORMAT: u64 = 1;
 pub struct Store {
     root: PathBuf,
     gate: Gate,
+    /// Set from outside to end what takes long.
+    stop: Arc<AtomicBool>,
     /// What this process holds in the store; a store that only looks has none until it writes.
     session: Mutex<Option<Arc<Session>>>,
     sources: Mutex<Sources>,
@@ -90,6 +105,15 @@ impl Store {
     /// # Errors
     /// If the folder is something else, of a newer version, or cannot be written to.
     pub fn open(root: &Path) -> Result<Self, StoreError> {
+        Self::open_until(root, &Arc::default())
+    }
+
+    /// As [`Store::open`], for one who may want to stop: what takes long (waiting for others, reading files outside of the
+    /// store) ends with [`StoreError::Interrupted`] soon after the flag is set.
+    ///
+    /// # Errors
+    /// As [`Store::open`].
+    pub fn open_until(root: &Path, stop: &Arc<AtomicBool>) -> Result<Self, StoreError> {
         fs::create_dir_all(root).map_err(failed(root, "create", root))?;
         if !Self::check_header(root)? {
             if Self::is_foreign(root)? && !Self::check_header(root)? {
@@ -97,11 +121,12 @@ impl Store {
             }
             Self::write_header(root)?;
         }
+        Self::remove_headers(root)?;
         for folder in ["objects", "recipes", "runs", "latest", "temp", "locks", "damaged"] {
             let path = root.join(folder);
             fs::create_dir_all(&path).map_err(failed(root, "create", &path))?;
         }
-        let store = Self::at(root);
+        let store = Self::at(root, stop);
         store.session()?;
         Ok(store)
     }
@@ -113,7 +138,7 @@ impl Store {
     /// If there is no store, or one of a newer version.
     pub fn open_existing(root: &Path) -> Result<Self, StoreError> {
         if Self::check_header(root)? {
-            Ok(Self::at(root))
+            Ok(Self::at(root, &Arc::default()))
         } else if root.is_dir() && Self::is_foreign(root)? {
             Err(StoreError::NotAStore { root: root.to_path_buf() })
         } else {
@@ -121,10 +146,11 @@ impl Store {
         }
     }
 
-    fn at(root: &Path) -> Self {
+    fn at(root: &Path, stop: &Arc<AtomicBool>) -> Self {
         Self {
             root: root.to_path_buf(),
-            gate: Gate::new(root),
+            gate: Gate::new(root, stop),
+            stop: Arc::clone(stop),
             session: Mutex::new(None),
             sources: Mutex::new(Sources::new(root)),
             damages: Mutex::new(Vec::new()),
@@ -145,7 +171,7 @@ impl Store {
     /// Returns whether the folder has a header that this version understands; an error if it understands it not.
     fn check_header(root: &Path) -> Result<bool, StoreError> {
         let path = root.join("store.json");
-        let text = match fs::read(&path) {
+        let text = match read_bounded(&path, HEADER_LIMIT) {
             Ok(text) => text,
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => return Ok(false),
             Err(error) => return Err(failed(root, "read", &path)(error)),
@@ -176,14 +202,30 @@ impl Store {
     /// Writes the header first of all, under a hidden name until it is whole.
     fn write_header(root: &Path) -> Result<(), StoreError> {
         let header = serde_json::to_vec(&Header { format: FORMAT }).expect("a header is JSON");
-        let mut file =
-            tempfile::Builder::new().prefix(".store-").tempfile_in(root).map_err(failed(root, "write", root))?;
         let path = root.join("store.json");
-        std::io::Write::write_all(&mut file, &header)
-            .and_then(|()| file.as_file().sync_all())
-            .and_then(|()| fs::set_permissions(file.path(), std::os::unix::fs::PermissionsExt::from_mode(0o644)))
-            .and_then(|()| file.persist(&path).map_err(|error| error.error))
-            .map_err(failed(root, "write", &path))?;
+        let temporary = root.join(format!("{HEADER_PREFIX}{}", unique()));
+        let mut file = Temporary::create(root, temporary, RECORD_MODE)?;
+        let written = file.path.clone();
+        std::io::Write::write_all(&mut file.file, &header).map_err(failed(root, "write", &written))?;
+        match file.persist(root, &path) {
+            // Somebody else was quicker and has tidied up.
+            Err(_) if path.exists() => {}
+            persisted => persisted?,
+        }
+        let folders = [Some(root), root.parent().filter(|above| !above.as_os_str().is_empty())];
+        for folder in folders.into_iter().flatten() {
+            fs::File::open(folder).and_then(|file| file.sync_all()).map_err(failed(root, "sync", folder))?;
+        }
+        Ok(())
+    }
+
+    /// Removes what those have left who were killed while they wrote a header.
+    fn remove_headers(root: &Path) -> Result<(), StoreError> {
+        for path in list(root, root)? {
+            if path.file_name().is_some_and(|name| name.to_string_lossy().starts_with(HEADER_PREFIX)) {
+                let _ = fs::remove_file(path);
+            }
+        }
         Ok(())
     }
 
@@ -289,6 +331,15 @@ mod tests {
             assert!(error.to_string().contains(&*folder.path().to_string_lossy()), "{error}");
             assert!(error.help().is_some());
         }
+    }
+
+    #[test]
+    fn headers_that_were_never_whole_are_removed() {
+        let folder = tempfile::tempdir().expect("creates");
+        fs::write(folder.path().join(".store-left"), "{\"for").expect("writes");
+        fs::write(folder.path().join(".storekeeper"), "mine").expect("writes");
+        Store::open(folder.path()).expect("opens");
+        assert!(!folder.path().join(".store-left").exists() && folder.path().join(".storekeeper").exists());
     }
 
     #[test]

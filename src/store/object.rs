@@ -172,12 +172,7 @@ impl Store {
 
     /// Gives a written file the name of its digest, in place of what was damaged there.
     fn name_object(&self, temporary: Temporary, digest: &Digest) -> Result<(), StoreError> {
-        let path = self.path_of(digest);
-        let folder = path.parent().expect("objects lie in folders of the store");
-        std::fs::create_dir_all(folder).map_err(failed(&self.root, "create", folder))?;
-        temporary.persist(&self.root, &path)?;
-        self.session()?.touched(folder);
-        Ok(())
+        self.name_file(&*self.session()?, temporary, &self.path_of(digest))
     }
 
     fn unreadable(&self, digest: &Digest, path: &Path, error: io::Error) -> StoreError {
@@ -194,8 +189,8 @@ impl Store {
     }
 }
 
-/// Hashes what is left of a file; returns its length, too.
-pub(super) fn digest_of(file: &mut File) -> io::Result<(Digest, u64)> {
+/// Hashes what is left to read; returns its length, too.
+pub(super) fn digest_of(file: &mut impl Read) -> io::Result<(Digest, u64)> {
     let mut hasher = blake3::Hasher::new();
     let mut block = vec![0; BLOCK];
     loop {
@@ -243,12 +238,12 @@ impl Write for ObjectWriter<'_> {
                 self.bytes += written as u64;
                 Ok(written)
             }
-            // Others will carry this error to the user: let it say which folder is full.
-            Err(error) if matches!(error.kind(), io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded) => {
+            Err(error) if error.kind() == io::ErrorKind::Interrupted => Err(error),
+            // Others will carry this error to the user: let it say which store it was and what helps.
+            Err(error) => {
                 let kind = error.kind();
                 Err(io::Error::new(kind, failed(&self.store.root, "write", &self.temporary.path)(error)))
             }
-            Err(error) => Err(error),
         }
     }
 

@@ -1,21 +1,26 @@
 //! Recognizes files outside of the store that have not changed, without reading them.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File};
-use std::io;
+use std::fs;
+use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::error::failed;
+use super::bounded::{open_regular, read_bounded};
+use super::error::{failed, stopped};
 use super::object::digest_of;
 use super::{Digest, Store, StoreError};
 
 /// How much older than its record a file must be, in nanoseconds: file systems keep times as coarse as this, so a file that was
 /// changed within it after it was read may look unchanged.
 const SLACK: i128 = 2_000_000_000;
+
+/// The most bytes that the record of sources may have.
+const SOURCES_LIMIT: u64 = 1 << 30;
 
 /// What a file looked like when it was read, and what was in it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,7 +57,7 @@ impl Sources {
 
 /// Reads what is known; what cannot be understood is only worth reading the files again.
 fn load(path: &Path) -> BTreeMap<PathBuf, Seen> {
-    fs::read(path).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+    read_bounded(path, SOURCES_LIMIT).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
 }
 
 impl Store {
@@ -111,13 +116,10 @@ impl Store {
     fn read_source(&self, path: &Path, absolute: PathBuf) -> Result<Digest, StoreError> {
         let fail = |error: io::Error| failed(&self.root, "read", path)(error);
         let read = now();
-        let mut file = File::open(path).map_err(fail)?;
+        let file = open_regular(path).map_err(fail)?;
         // Of the open file: a name may pass to another one meanwhile.
         let before = file.metadata().map_err(fail)?;
-        if before.is_dir() {
-            return Err(fail(io::Error::from(io::ErrorKind::IsADirectory)));
-        }
-        let (digest, size) = digest_of(&mut file).map_err(fail)?;
+        let (digest, size) = digest_of(&mut Until { file: &file, stop: &self.stop }).map_err(fail)?;
         let seen = Seen { digest, size, modified: modified(&before), changed: changed(&before), read };
         let unchanged = file.metadata().is_ok_and(|after| looks(&seen, &after));
         let mut sources = self.sources.lock().expect("nothing panics while it holds this lock");
@@ -129,6 +131,18 @@ impl Store {
             sources.dirty = true;
         }
         Ok(digest)
+    }
+}
+
+/// A file whose reading ends early when somebody wants no more of it: large ones take half a minute.
+struct Until<'a> {
+    file: &'a fs::File,
+    stop: &'a AtomicBool,
+}
+
+impl Read for Until<'_> {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        if self.stop.load(Ordering::Relaxed) { Err(stopped()) } else { self.file.read(buffer) }
     }
 }
 
@@ -229,6 +243,26 @@ mod tests {
         assert_eq!(fourth.source_digest(&paths[0]).expect("reads"), Digest::of(b"text"));
         fourth.save_sources().expect("saves");
         assert_eq!(load(&folder.path().join("sources.json")).len(), 1);
+    }
+
+    #[test]
+    fn reading_ends_when_it_is_to() {
+        let folder = tempfile::tempdir().expect("creates");
+        let path = folder.path().join("map.pgm");
+        fs::write(&path, "a").expect("writes");
+        let stop = std::sync::Arc::new(AtomicBool::new(false));
+        let store = Store::open_until(folder.path().join("store").as_path(), &stop).expect("opens");
+        store.source_digest(&path).expect("reads");
+        stop.store(true, Ordering::Relaxed);
+        assert!(matches!(store.source_digest_now(&path), Err(StoreError::Interrupted)));
+    }
+
+    #[test]
+    fn sources_that_never_end_are_refused() {
+        let (_folder, store) = store();
+        let error = store.source_digest(Path::new("/dev/zero")).expect_err("is a device");
+        let StoreError::Io { source, .. } = error else { panic!("{error}") };
+        assert_eq!(source.to_string(), "it is a device, not a regular file");
     }
 
     #[test]
