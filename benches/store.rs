@@ -60,7 +60,7 @@ fn filled(count: usize) -> Filled {
     });
     let name = |number: usize| format!("walks/home_{:03}/chunk-{:02}", number / 10, number % 10);
     let nodes = made.iter().enumerate().map(|(number, (key, artifact))| RunNode {
-        node: name(number),
+        node: name(number).as_str().into(),
         role: Role::Chunk,
         stage: "simulate".to_owned(),
         kind: "Trajectories".to_owned(),

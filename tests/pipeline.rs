@@ -122,6 +122,6 @@ impl Seen {
     /// Returns the digests of all nodes that have one.
     fn digests(&self) -> BTreeMap<String, Digest> {
         let nodes = self.report.run.nodes.iter();
-        nodes.filter_map(|node| Some((node.node.clone(), node.artifact.as_ref()?.digest))).collect()
+        nodes.filter_map(|node| Some((node.node.to_string(), node.artifact.as_ref()?.digest))).collect()
     }
 }

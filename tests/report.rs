@@ -69,7 +69,7 @@ impl Maker {
 
     fn node(&mut self, node: &str, role: Role, stage: &str, kind: &str, artifact: Artifact, inputs: &[&str]) {
         self.run.nodes.push(RunNode {
-            node: node.to_owned(),
+            node: node.into(),
             role,
             stage: stage.to_owned(),
             kind: kind.to_owned(),

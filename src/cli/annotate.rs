@@ -92,9 +92,7 @@ impl Args {
             Some(advice) => CliError::advised(error.to_string(), advice),
             None => CliError::request(error.to_string()),
         };
-        let config = AnnotateConfig::try_from(fields).map_err(refused)?;
-        config.check().map_err(refused)?;
-        Ok(config)
+        AnnotateConfig::try_from(fields).map_err(refused)
     }
 
     /// Says how a folder is read; that it lacks the file of a scene is puzzling if it was meant otherwise.

@@ -66,7 +66,7 @@ impl Args {
                 || ("-".to_owned(), "-".to_owned()),
                 |artifact| (artifact.digest.to_string(), bytes(artifact.bytes())),
             );
-            vec![node.node.clone(), node.kind.clone(), outcome(node), size, digest]
+            vec![node.node.to_string(), node.kind.clone(), outcome(node), size, digest]
         };
         screen.line(columns(
             &["node", "kind", "outcome", "size", "digest"],

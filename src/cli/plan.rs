@@ -70,7 +70,7 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> 
         .filter(shown)
         .map(|task| {
             let (state, detail) = describe(plan, task);
-            vec![task.name.clone(), task.stage.to_owned(), state.to_owned(), detail]
+            vec![task.name.to_string(), task.stage.to_owned(), state.to_owned(), detail]
         })
         .collect();
     screen.line(columns(&["node", "stage", "state", "why"], &rows))?;

@@ -7,7 +7,7 @@ use clap::Args;
 
 use super::error::CliError;
 use crate::pipeline::plan::Lookups;
-use crate::pipeline::spec::{self, Pipeline};
+use crate::pipeline::spec::{self, Pipeline, suggest};
 use crate::stages::REGISTER;
 use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, StoreError};
 
@@ -116,23 +116,13 @@ pub fn find_node<'a>(run: &'a Run, name: &str) -> Result<&'a RunNode, CliError> 
         return Ok(node);
     }
     let message = format!("the run {} of `{}` has no node `{name}`", run.id, run.pipeline);
-    let members: Vec<&str> = run
-        .nodes
-        .iter()
-        .filter(|node| {
-            node.role == Role::Node && node.node.strip_prefix(name).is_some_and(|rest| rest.starts_with('/'))
-        })
-        .map(|node| node.node.as_str())
-        .collect();
+    let of_stage = run.nodes.iter().filter(|node| node.role == Role::Node && node.node.stage() == name);
+    let members: Vec<&str> = of_stage.map(|node| node.node.as_str()).collect();
     if !members.is_empty() {
         return Err(CliError::advised(message, format!("it stands for {}", members.join(", "))));
     }
-    let nearest = run.nodes.iter().max_by(|a, b| {
-        let likeness = |node: &RunNode| strsim::jaro_winkler(&node.node, name);
-        likeness(a).total_cmp(&likeness(b))
-    });
-    Err(match nearest {
-        Some(node) => CliError::advised(message, format!("did you mean `{}`?", node.node)),
+    Err(match suggest::node(name, run.nodes.iter().map(|node| &node.node)) {
+        Some(help) => CliError::advised(message, help),
         None => CliError::request(message),
     })
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::store::{Digest, Outcome, Role, RunStatus};
+use crate::store::{Digest, NodeName, Outcome, Role, RunStatus};
 
 /// Something that happened in a run.
 ///
@@ -21,12 +21,18 @@ pub enum Event {
         nodes: usize,
     },
     /// A node begins to run.
-    NodeStarted { node: String, stage: String, role: Role },
+    NodeStarted {
+        #[serde(flatten)]
+        node: NodeName,
+        stage: String,
+        role: Role,
+    },
     /// A node that runs got further.
     Progress { node: String, done: u64, total: u64 },
     /// A node is done with, one way or another; once for each.
     Node {
-        node: String,
+        #[serde(flatten)]
+        node: NodeName,
         outcome: Outcome,
         /// The digest of its artifact, if it has one.
         digest: Option<Digest>,
@@ -102,7 +108,7 @@ pub struct RunState {
     /// How many nodes, chunks and epochs there are.
     pub nodes: usize,
     pub counts: Counts,
-    /// The same by the name before the first slash: `walks`, `model`.
+    /// The same by the name of the use of a stage: `walks`, `model`.
     pub stages: BTreeMap<String, Counts>,
     pub running: BTreeMap<String, Running>,
     pub failures: Vec<FailedNode>,
@@ -120,7 +126,7 @@ impl RunState {
             }
             Event::NodeStarted { node, stage, role } => {
                 let running = Running { stage: stage.clone(), role: *role, done: 0, total: 0 };
-                self.running.insert(node.clone(), running);
+                self.running.insert(node.to_string(), running);
             }
             Event::Progress { node, done, total } => {
                 if let Some(running) = self.running.get_mut(node) {
@@ -128,16 +134,16 @@ impl RunState {
                 }
             }
             Event::Node { node, outcome, error, help, .. } => {
-                self.running.remove(node);
+                self.running.remove(node.as_str());
                 self.counts.add(*outcome);
-                let stage = node.split('/').next().unwrap_or(node);
+                let stage = node.stage();
                 match self.stages.get_mut(stage) {
                     Some(counts) => counts.add(*outcome),
                     None => self.stages.entry(stage.to_owned()).or_default().add(*outcome),
                 }
                 if *outcome == Outcome::Failed {
                     let message = error.clone().unwrap_or_default();
-                    self.failures.push(FailedNode { node: node.clone(), message, help: help.clone() });
+                    self.failures.push(FailedNode { node: node.to_string(), message, help: help.clone() });
                 }
             }
             Event::Warning { node, message } => self.warnings.push(match node {
@@ -161,7 +167,7 @@ mod tests {
 
     fn node(name: &str, outcome: Outcome) -> Event {
         Event::Node {
-            node: name.to_owned(),
+            node: name.into(),
             outcome,
             digest: (outcome == Outcome::Ran).then(|| Digest::of(b"x")),
             role: Role::Node,
@@ -180,6 +186,7 @@ mod tests {
         assert_eq!(json["event"], "node");
         assert_eq!(json["node"], "labels/home_03");
         assert_eq!(json["outcome"], "ran");
+        assert_eq!((&json["member"], json.get("step")), (&"home_03".into(), None));
         assert_eq!(json["digest"], Digest::of(b"x").to_hex());
         assert_eq!(serde_json::from_value::<Event>(json).ok(), Some(event));
         let last = Event::Run {
@@ -203,8 +210,7 @@ mod tests {
         let mut state = RunState::default();
         let (id, pipeline, file) = ("r".to_owned(), "p".to_owned(), "p.yaml".to_owned());
         state.apply(&Event::RunStarted { id, pipeline, file, nodes: 3 });
-        let started =
-            |node: &str| Event::NodeStarted { node: node.to_owned(), stage: "s".to_owned(), role: Role::Node };
+        let started = |node: &str| Event::NodeStarted { node: node.into(), stage: "s".to_owned(), role: Role::Node };
         state.apply(&started("labels/a"));
         state.apply(&started("labels/b"));
         state.apply(&Event::Progress { node: "labels/b".to_owned(), done: 2, total: 5 });

@@ -1,12 +1,11 @@
 //! Divides nodes into tasks: the chunks and steps that are cached one by one, and what each of them reads.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use super::error::PipelineError;
 use super::spec::{Node, Pipeline, Wire, suggest};
 use super::stage::{Division, Part};
-use crate::store::Role;
+use crate::store::{NodeName, NodePart, Role};
 
 /// The tasks of a pipeline; each stands after those that it reads.
 #[derive(Debug)]
@@ -24,8 +23,7 @@ pub(crate) struct Task {
     pub node: usize,
     pub work: Work,
     /// `labels/home_03`, `walks/home_03/chunk-02`, `model/epoch-07`.
-    pub name: String,
-    pub role: Role,
+    pub name: NodeName,
     /// What is at the ports that this task reads.
     pub ports: Vec<Feed>,
     /// The chunks by name, for the task that joins them.
@@ -49,11 +47,12 @@ pub(crate) enum Work {
 #[derive(Debug)]
 pub(crate) struct Feed {
     pub port: &'static str,
-    pub from: From,
+    pub origin: Origin,
 }
 
+/// Where it comes from.
 #[derive(Debug)]
-pub(crate) enum From {
+pub(crate) enum Origin {
     One(usize),
     /// The members of a group by name, in its order.
     Group(Vec<(Arc<str>, usize)>),
@@ -61,9 +60,9 @@ pub(crate) enum From {
 
 impl Feed {
     fn tasks(&self) -> impl Iterator<Item = usize> + '_ {
-        let (one, group) = match &self.from {
-            From::One(task) => (Some(*task), [].iter()),
-            From::Group(members) => (None, members.iter()),
+        let (one, group) = match &self.origin {
+            Origin::One(task) => (Some(*task), [].iter()),
+            Origin::Group(members) => (None, members.iter()),
         };
         one.into_iter().chain(group.map(|(_, task)| *task))
     }
@@ -102,23 +101,23 @@ impl<'p> Graph<'p> {
 
     /// Returns the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
     pub(crate) fn named(&self, name: &str) -> Result<Vec<usize>, PipelineError> {
-        find_named(&self.tasks.iter().map(|task| task.name.as_str()).collect::<Vec<_>>(), name)
+        find_named(&self.tasks.iter().map(|task| &task.name).collect::<Vec<_>>(), name)
     }
 
     /// Adds the tasks of a node; returns its chunks and the task that has its name.
     fn add(&mut self, index: usize, node: &Node, made: &[Made]) -> (Vec<(Arc<str>, usize)>, usize) {
         let whole = |graph: &mut Self| {
             let ports = feeds(node, Part::Whole, made);
-            (Vec::new(), graph.push(index, node, Work::Part(Part::Whole), node.name.clone(), ports))
+            (Vec::new(), graph.push(index, Work::Part(Part::Whole), node.name.clone(), ports))
         };
         match node.stage.division() {
             Division::Whole => whole(self),
             Division::Chunks(count) => {
                 let parts = (0..count).map(|number| {
                     let part = Part::Chunk(number);
-                    let label: Arc<str> = Arc::from(format!("chunk-{number:02}"));
-                    let name = format!("{}/{label}", node.name);
-                    (label, self.push(index, node, Work::Part(part), name, feeds(node, part, made)))
+                    let chunk = NodePart::Chunk(number);
+                    let name = node.name.part_of(chunk);
+                    (Arc::from(chunk.to_string()), self.push(index, Work::Part(part), name, feeds(node, part, made)))
                 });
                 let parts = parts.collect();
                 self.gather(index, node, parts, made)
@@ -134,10 +133,10 @@ impl<'p> Graph<'p> {
                     let part = Part::Chunk(number);
                     let mut ports = feeds(node, part, made);
                     for feed in ports.iter_mut().filter(|feed| feed.port == port) {
-                        feed.from = From::One(read);
+                        feed.origin = Origin::One(read);
                     }
-                    let name = format!("{}/{label}", node.name);
-                    parts.push((label, self.push(index, node, Work::Part(part), name, ports)));
+                    let name = node.name.part_of(NodePart::Chunk(number));
+                    parts.push((label, self.push(index, Work::Part(part), name, ports)));
                 }
                 self.gather(index, node, parts, made)
             }
@@ -145,11 +144,11 @@ impl<'p> Graph<'p> {
                 let mut previous = None;
                 for number in 1..=count {
                     let part = Part::Step(number);
-                    let name = format!("{}/epoch-{number:02}", node.name);
-                    let step = self.push(index, node, Work::Part(part), name, feeds(node, part, made));
+                    let name = node.name.part_of(NodePart::Step(number));
+                    let step = self.push(index, Work::Part(part), name, feeds(node, part, made));
                     self.link(step, previous.replace(step));
                 }
-                let last = self.push(index, node, Work::Close, node.name.clone(), feeds(node, Part::Whole, made));
+                let last = self.push(index, Work::Close, node.name.clone(), feeds(node, Part::Whole, made));
                 self.link(last, previous);
                 (Vec::new(), last)
             }
@@ -164,7 +163,7 @@ impl<'p> Graph<'p> {
         made: &[Made],
     ) -> (Vec<(Arc<str>, usize)>, usize) {
         let ports = feeds(node, Part::Gather, made);
-        let last = self.push(index, node, Work::Part(Part::Gather), node.name.clone(), ports);
+        let last = self.push(index, Work::Part(Part::Gather), node.name.clone(), ports);
         let task = &mut self.tasks[last];
         task.reads.extend(parts.iter().map(|(_, part)| *part));
         task.parts.clone_from(&parts);
@@ -177,17 +176,11 @@ impl<'p> Graph<'p> {
         task.reads.extend(previous);
     }
 
-    fn push(&mut self, node: usize, of: &Node, work: Work, name: String, ports: Vec<Feed>) -> usize {
-        let role = match work {
-            Work::Part(Part::Chunk(_)) => Role::Chunk,
-            Work::Part(Part::Step(_)) => Role::Epoch,
-            Work::Part(Part::Whole | Part::Gather) | Work::Close => Role::Node,
-        };
+    fn push(&mut self, node: usize, work: Work, name: NodeName, ports: Vec<Feed>) -> usize {
         let mut reads: Vec<usize> = ports.iter().flat_map(Feed::tasks).collect();
         reads.sort_unstable();
         reads.dedup();
-        debug_assert!(role != Role::Node || name == of.name, "the last task of a node has its name");
-        self.tasks.push(Task { node, work, name, role, ports, parts: Vec::new(), previous: None, reads });
+        self.tasks.push(Task { node, work, name, ports, parts: Vec::new(), previous: None, reads });
         self.tasks.len() - 1
     }
 }
@@ -197,27 +190,28 @@ fn feeds(node: &Node, part: Part, made: &[Made]) -> Vec<Feed> {
     let only = node.stage.part_ports(part);
     let read = node.inputs.iter().filter(|input| only.is_none_or(|only| only.contains(&input.port)));
     let feed = |wire: &Wire| match wire {
-        Wire::One(node) => From::One(made[*node].last),
+        Wire::One(node) => Origin::One(made[*node].last),
         Wire::Group(nodes) => {
             let member = |node: &usize| (made[*node].member.clone().expect("members have names"), made[*node].last);
-            From::Group(nodes.iter().map(member).collect())
+            Origin::Group(nodes.iter().map(member).collect())
         }
     };
-    read.map(|input| Feed { port: input.port, from: feed(&input.wire) }).collect()
+    read.map(|input| Feed { port: input.port, origin: feed(&input.wire) }).collect()
 }
 
-/// Returns the positions of the names that are a name or lie below it: of a task, a node with its parts, or all nodes of a
-/// stage.
-pub(crate) fn find_named(names: &[&str], name: &str) -> Result<Vec<usize>, PipelineError> {
-    let below = |other: &str| other.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('/'));
-    let found: Vec<usize> = (0..names.len()).filter(|position| below(names[*position])).collect();
-    if !found.is_empty() {
-        return Ok(found);
+impl Task {
+    /// Returns what it is to the pipeline.
+    pub(crate) fn role(&self) -> Role {
+        self.name.role()
     }
-    let stages: BTreeSet<&str> = names.iter().map(|name| name.split('/').next().unwrap_or(name)).collect();
-    let help = match suggest::closest(name, stages.iter().chain(names).copied()) {
-        Some(close) => Some(format!("did you mean `{close}`?")),
-        None => suggest::help(name, stages.iter().copied()),
-    };
-    Err(PipelineError::UnknownNode { name: name.to_owned(), help })
+}
+
+/// Returns the positions of the names that a user means by one: of a task, a node with its parts, or all nodes of a stage.
+pub(crate) fn find_named(names: &[&NodeName], name: &str) -> Result<Vec<usize>, PipelineError> {
+    let found: Vec<usize> = (0..names.len()).filter(|position| names[*position].is_meant_by(name)).collect();
+    if found.is_empty() {
+        let help = suggest::node(name, names.iter().copied());
+        return Err(PipelineError::UnknownNode { name: name.to_owned(), help });
+    }
+    Ok(found)
 }

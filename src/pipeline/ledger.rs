@@ -9,7 +9,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::error::PipelineError;
-use super::graph::{From, Graph, Work};
+use super::graph::{Graph, Origin, Work};
 use super::stage::{Part, StageError};
 use crate::store::{Artifact, Digest, InputDigest, Key, Recipe, Record, Role, Store, StoreError};
 
@@ -128,12 +128,12 @@ impl<'a> Ledger<'a> {
         for name in only {
             for task in graph.named(name)? {
                 scope[task] = true;
-                targets[task] |= graph.tasks[task].role != Role::Epoch || graph.tasks[task].name == *name;
+                targets[task] |= graph.tasks[task].role() != Role::Epoch || graph.tasks[task].name == *name;
             }
         }
         if only.is_empty() {
             for (target, task) in targets.iter_mut().zip(&graph.tasks) {
-                *target = task.role != Role::Epoch;
+                *target = task.role() != Role::Epoch;
             }
         }
         for task in (0..count).rev().filter(|_| !only.is_empty()) {
@@ -173,7 +173,7 @@ impl<'a> Ledger<'a> {
                 all.push(Arc::clone(sources));
                 continue;
             }
-            let failed = |source| PipelineError::Sources { node: node.name.clone(), source };
+            let failed = |source| PipelineError::Sources { node: node.name.to_string(), source };
             let mut sources = Sources::new();
             for source in node.stage.sources().map_err(failed)? {
                 let digest = self.lookups.source_digest(&source.path);
@@ -356,7 +356,7 @@ impl<'a> Ledger<'a> {
             if let Ok(Some(record)) = self.lookups.recall(&key)
                 && self.closes(task, &record.artifact)
             {
-                if self.graph.tasks[task].role != Role::Epoch && !self.lookups.complete(&record.artifact) {
+                if self.graph.tasks[task].role() != Role::Epoch && !self.lookups.complete(&record.artifact) {
                     gone.push(task);
                 }
                 (self.keys[task], self.artifacts[task]) = (Some(key), Some(record.artifact));
@@ -378,11 +378,11 @@ impl<'a> Ledger<'a> {
         };
         let mut inputs = BTreeMap::new();
         for feed in &of.ports {
-            match &feed.from {
-                From::One(task) => {
+            match &feed.origin {
+                Origin::One(task) => {
                     inputs.extend(digest(*task).map(|digest| (feed.port.to_owned(), InputDigest::One(digest))))
                 }
-                From::Group(members) => {
+                Origin::Group(members) => {
                     inputs.insert(feed.port.to_owned(), many(members));
                 }
             }

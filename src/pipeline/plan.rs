@@ -4,7 +4,7 @@ use super::error::PipelineError;
 use super::graph::{Graph, find_named};
 use super::ledger::{Ledger, Status};
 use super::spec::Pipeline;
-use crate::store::{Artifact, Key, Recipe, Role};
+use crate::store::{Artifact, Key, NodeName, Recipe, Role};
 
 pub use super::ledger::{Lookups, Reason};
 
@@ -21,10 +21,8 @@ pub struct Plan {
 #[derive(Debug, Clone, PartialEq)]
 pub struct PlannedTask {
     /// `labels/home_03`, `walks/home_03/chunk-02`, `model/epoch-07`.
-    pub name: String,
+    pub name: NodeName,
     pub role: Role,
-    /// The name that the file gives the use of the stage: `labels`.
-    pub stage_name: String,
     /// The verb: `quantize`.
     pub stage: &'static str,
     pub kind: &'static str,
@@ -92,8 +90,7 @@ fn planned(graph: &Graph, ledger: &mut Ledger, task: usize) -> PlannedTask {
     let recipe = ledger.recipes[task].take().map_or_else(|| ledger.recipe(task), |recipe| *recipe);
     PlannedTask {
         name: of.name.clone(),
-        role: of.role,
-        stage_name: node.stage_name.to_string(),
+        role: of.role(),
         stage: node.spec.name,
         kind: node.spec.output.name,
         inputs: of.reads.clone(),
@@ -124,6 +121,6 @@ impl Plan {
     /// # Errors
     /// If it means none.
     pub fn find(&self, name: &str) -> Result<Vec<usize>, PipelineError> {
-        find_named(&self.tasks.iter().map(|task| task.name.as_str()).collect::<Vec<_>>(), name)
+        find_named(&self.tasks.iter().map(|task| &task.name).collect::<Vec<_>>(), name)
     }
 }

@@ -6,7 +6,7 @@ use std::fmt;
 use super::error::PipelineError;
 use super::graph::find_named;
 use super::plan::{Lookups, Plan, Reason, State};
-use crate::store::{Digest, InputDigest, Outcome, Recipe, Role, Run, RunNode};
+use crate::store::{Digest, InputDigest, NodeName, Outcome, Recipe, Role, Run, RunNode};
 
 /// Why one node ran or would run.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -36,11 +36,11 @@ pub fn of_plan(
     lookups: &impl Lookups,
     name: &str,
 ) -> Result<Vec<Why>, PipelineError> {
-    let names: Vec<&str> = plan.tasks.iter().map(|task| task.name.as_str()).collect();
+    let names: Vec<&NodeName> = plan.tasks.iter().map(|task| &task.name).collect();
     let mut answers = Vec::new();
     let names_by_digest = |digest: &Digest, readers: &[usize]| {
         readers.iter().map(|read| &plan.tasks[*read]).find_map(|task| match &task.state {
-            State::Hit { artifact } if artifact.digest == *digest => Some(task.name.clone()),
+            State::Hit { artifact } if artifact.digest == *digest => Some(task.name.to_string()),
             _ => None,
         })
     };
@@ -70,7 +70,7 @@ pub fn of_plan(
             State::OutOfScope => lines.push("not asked for".to_owned()),
             State::Run(Reason::Unmade) => {}
         }
-        answers.push((task.role, Why { node: task.name.clone(), lines }));
+        answers.push((task.role, Why { node: task.name.to_string(), lines }));
     }
     Ok(shortened(answers, name))
 }
@@ -85,7 +85,7 @@ pub fn of_run(
     lookups: &impl Lookups,
     name: &str,
 ) -> Result<Vec<Why>, PipelineError> {
-    let names: Vec<&str> = newer.nodes.iter().map(|node| node.node.as_str()).collect();
+    let names: Vec<&NodeName> = newer.nodes.iter().map(|node| &node.node).collect();
     let positions: BTreeMap<&str, &RunNode> = newer.nodes.iter().map(|node| (node.node.as_str(), node)).collect();
     let mut answers = Vec::new();
     for node in find_named(&names, name)?.into_iter().map(|index| &newer.nodes[index]) {
@@ -112,7 +112,7 @@ pub fn of_run(
             Outcome::Failed => lines.push(format!("failed: {}", node.error.as_deref().unwrap_or("no message"))),
             Outcome::Skipped => lines.push("skipped".to_owned()),
         }
-        answers.push((node.role, Why { node: node.node.clone(), lines }));
+        answers.push((node.role, Why { node: node.node.to_string(), lines }));
     }
     Ok(shortened(answers, name))
 }

@@ -165,9 +165,9 @@ impl Drawn {
                 if self.nodes.len() < MOST_BARS {
                     let bar = self.all.add(ProgressBar::new_spinner());
                     bar.set_style(style("  {spinner:.cyan} {prefix}  {elapsed:.dim}"));
-                    bar.set_prefix(node.clone());
+                    bar.set_prefix(node.to_string());
                     bar.enable_steady_tick(TICK);
-                    self.nodes.insert(node.clone(), NodeBar { bar, sized: false, moved: Instant::now() });
+                    self.nodes.insert(node.to_string(), NodeBar { bar, sized: false, moved: Instant::now() });
                 }
                 self.run.enable_steady_tick(TICK);
             }
@@ -177,7 +177,7 @@ impl Drawn {
                 }
             }
             Event::Node { node, .. } => {
-                if let Some(shown) = self.nodes.remove(node) {
+                if let Some(shown) = self.nodes.remove(node.as_str()) {
                     shown.bar.finish_and_clear();
                     self.all.remove(&shown.bar);
                 }
@@ -270,7 +270,7 @@ mod tests {
 
     fn node(name: &str, outcome: Outcome) -> Event {
         Event::Node {
-            node: name.to_owned(),
+            node: name.into(),
             outcome,
             digest: None,
             role: Role::Node,
@@ -329,7 +329,7 @@ mod tests {
     fn bars_survive_any_order_of_events() {
         // Nothing can be seen here: stderr is no terminal. The templates are parsed and bars come and go.
         let mut bars = Bars::new(BarStyle::Terminal);
-        let started = |node: &str| Event::NodeStarted { node: node.to_owned(), stage: String::new(), role: Role::Node };
+        let started = |node: &str| Event::NodeStarted { node: node.into(), stage: String::new(), role: Role::Node };
         bars.hear(&Event::RunStarted { id: "r".to_owned(), pipeline: "p".to_owned(), file: String::new(), nodes: 30 });
         for i in 0..20 {
             bars.hear(&started(&format!("walks/{i}")));

@@ -231,7 +231,7 @@ impl Store {
 
 /// Adds what a run reaches: all recipes, and the objects of all nodes but the epochs before the last.
 fn reach_run(run: &Run, reached: &mut Reached) {
-    let mut last: BTreeMap<&str, (u64, &Artifact)> = BTreeMap::new();
+    let mut last: BTreeMap<&str, (Option<u32>, &Artifact)> = BTreeMap::new();
     for node in &run.nodes {
         reached.recipes.extend(node.key);
         let Some(artifact) = &node.artifact else { continue };
@@ -239,19 +239,12 @@ fn reach_run(run: &Run, reached: &mut Reached) {
             reached.objects.extend(artifact.objects());
             continue;
         }
-        let (chain, step) = chain_of(&node.node);
+        let (chain, step) = (node.node.node(), node.node.step());
         if last.get(chain).is_none_or(|(before, _)| *before <= step) {
             last.insert(chain, (step, artifact));
         }
     }
     reached.objects.extend(last.values().flat_map(|(_, artifact)| artifact.objects()));
-}
-
-/// Splits the name of an epoch, such as `model/epoch-07`, into its node and its number.
-fn chain_of(name: &str) -> (&str, u64) {
-    let (chain, step) = name.rsplit_once('/').unwrap_or(("", name));
-    let digits = step.rsplit(|character: char| !character.is_ascii_digit()).next().unwrap_or_default();
-    (chain, digits.parse().unwrap_or(0))
 }
 
 /// Tells whether a link leads to an object, `../…/objects/ab/cdef…`, that was freed or is not there.

@@ -34,6 +34,7 @@ mod error;
 mod file;
 mod latest;
 mod lock;
+mod node_name;
 mod object;
 mod recipe;
 mod run;
@@ -60,6 +61,7 @@ pub use error::StoreError;
 pub use file::write_whole;
 pub use latest::LatestEntry;
 pub use lock::KeyLock;
+pub use node_name::{NodeName, NodePart};
 pub use object::{Artifact, FileRef, ObjectWriter};
 pub use recipe::{Difference, InputDigest, Recipe, Record, Remembered};
 pub use run::{Outcome, Role, Run, RunNode, RunStatus};
@@ -265,8 +267,8 @@ impl Store {
                 for digest in node.artifact.iter().flat_map(Artifact::objects) {
                     if digests.contains(&digest) && !owners.contains_key(&digest) {
                         let names = found.entry(digest).or_default();
-                        if !names.contains(&node.node) {
-                            names.push(node.node.clone());
+                        if !names.iter().any(|name| node.node == *name) {
+                            names.push(node.node.to_string());
                         }
                     }
                 }
@@ -300,7 +302,7 @@ impl Store {
         for summary in self.runs().unwrap_or_default() {
             let Ok(run) = self.run(&summary.id) else { continue };
             let nodes: Vec<String> =
-                run.nodes.into_iter().filter(|node| node.key == Some(*key)).map(|node| node.node).collect();
+                run.nodes.into_iter().filter(|node| node.key == Some(*key)).map(|node| node.node.to_string()).collect();
             if !nodes.is_empty() {
                 return nodes;
             }

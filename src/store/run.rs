@@ -10,7 +10,7 @@ use serde_json::ser::Formatter;
 use super::error::failed;
 use super::file::check_name;
 use super::run_index::RunSummary;
-use super::{Artifact, Key, Store, StoreError};
+use super::{Artifact, Key, NodeName, Store, StoreError};
 
 /// One run of one pipeline.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -70,10 +70,9 @@ pub enum Outcome {
 
 /// One node of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct RunNode {
-    /// `labels/home_03`, `walks/home_03/chunk-02`, `model/epoch-07`.
-    pub node: String,
+    #[serde(flatten)]
+    pub node: NodeName,
     pub role: Role,
     pub stage: String,
     pub kind: String,

@@ -35,7 +35,7 @@ pub(super) fn recipe(name: &str) -> Recipe {
 
 pub(super) fn node(name: &str, artifact: &Artifact, key: Key) -> RunNode {
     RunNode {
-        node: name.to_owned(),
+        node: name.into(),
         role: Role::Node,
         stage: "quantize".to_owned(),
         kind: "Labels".to_owned(),

@@ -211,8 +211,8 @@ impl Store {
                 for digest in node.artifact.iter().flat_map(Artifact::objects) {
                     if !damaged.contains(&digest) && fs::symlink_metadata(self.path_of(&digest)).is_err() {
                         let names = missing.entry(digest).or_default();
-                        if !names.contains(&node.node) {
-                            names.push(node.node.clone());
+                        if !names.iter().any(|name| node.node == *name) {
+                            names.push(node.node.to_string());
                         }
                     }
                 }

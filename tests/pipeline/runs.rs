@@ -272,7 +272,7 @@ fn events_come_in_order_and_fold_into_the_report() {
             }
             Event::Progress { node, .. } => assert!(state.running.contains_key(node)),
             Event::Node { node, digest, .. } => {
-                assert!(digest.is_some() && done.insert(node.clone()), "`{node}` ended twice");
+                assert!(digest.is_some() && done.insert(node.to_string()), "`{node}` ended twice");
             }
             _ => {}
         }

@@ -225,7 +225,7 @@ fn nothing_starts_before_what_it_reads_is_made_again() {
 const STAGES: [&str; 7] = ["walks", "counts", "labels", "table", "model", "heat", "scores"];
 
 proptest! {
-    #![proptest_config(ProptestConfig { cases: 48, ..ProptestConfig::default() })]
+    #![proptest_config(ProptestConfig { cases: 12, ..ProptestConfig::default() })]
 
     #[test]
     fn whatever_is_gone_is_made_again_before_it_is_read(

@@ -72,12 +72,12 @@ fn latest(scheduler: &Scheduler) -> Vec<LatestEntry> {
             Some(end) => matches!(end.outcome, Outcome::Ran | Outcome::Hit),
             None => true,
         };
-        if task.role == Role::Node
+        if task.role() == Role::Node
             && here
             && let Some(artifact) = &ledger.artifacts[index]
         {
             let extension = ledger.graph.node(index).spec.output.extension;
-            entries.push(LatestEntry { node: task.name.clone(), artifact: artifact.clone(), extension });
+            entries.push(LatestEntry { node: task.name.to_string(), artifact: artifact.clone(), extension });
         }
     }
     entries
@@ -95,14 +95,14 @@ fn nodes(scheduler: &mut Scheduler) -> Vec<RunNode> {
         };
         nodes.push(RunNode {
             node: task.name.clone(),
-            role: task.role,
+            role: task.role(),
             stage: spec.name.to_owned(),
             kind: spec.output.name.to_owned(),
             outcome,
             key: scheduler.ledger.keys[index],
             artifact: scheduler.ledger.artifacts[index].take(),
             wall_s,
-            inputs: task.reads.iter().map(|read| graph.tasks[*read].name.clone()).collect(),
+            inputs: task.reads.iter().map(|read| graph.tasks[*read].name.to_string()).collect(),
             error,
         });
     }

@@ -161,11 +161,11 @@ impl<'a> Scheduler<'a> {
                     self.running.insert(task, needs);
                     self.ledger.status[task] = Status::Running;
                     let (node, name) = (self.ledger.graph.node(task), &self.ledger.graph.tasks[task].name);
-                    let role = self.ledger.graph.tasks[task].role;
+                    let role = name.role();
                     (self.sink)(&Event::NodeStarted { node: name.clone(), stage: node.spec.name.to_owned(), role });
                     let sender = sender.clone();
                     Builder::new()
-                        .name(name.clone())
+                        .name(name.to_string())
                         .stack_size(STACK)
                         .spawn_scoped(scope, move || assignment.work(&sender))
                         .map_err(|source| PipelineError::Thread { source })?;
@@ -234,7 +234,7 @@ impl<'a> Scheduler<'a> {
         while let Some(received) = message {
             match received {
                 Message::Progress { task, done, total } => {
-                    let node = self.ledger.graph.tasks[task].name.clone();
+                    let node = self.ledger.graph.tasks[task].name.to_string();
                     (self.sink)(&Event::Progress { node, done, total });
                 }
                 Message::Ended { task, wall_s, result } => {
@@ -273,7 +273,7 @@ impl<'a> Scheduler<'a> {
         };
         let skipped = self.ledger.fail(task);
         self.stopping |= !self.options.keep_going;
-        let node = self.ledger.graph.tasks[task].name.clone();
+        let node = self.ledger.graph.tasks[task].name.to_string();
         self.failures.push(Failure { node, message: message.clone(), help: help.clone(), damaged });
         self.end(task, Outcome::Failed, wall_s, Some(message), help);
         for task in skipped {
@@ -303,7 +303,7 @@ impl<'a> Scheduler<'a> {
             node: of.name.clone(),
             outcome,
             digest,
-            role: of.role,
+            role: of.role(),
             stage: node.spec.name.to_owned(),
             kind: node.spec.output.name.to_owned(),
             wall_s,
@@ -316,7 +316,7 @@ impl<'a> Scheduler<'a> {
 
     /// Warns of something that belongs to a task, or to none.
     pub(super) fn warn(&mut self, task: Option<usize>, message: String) {
-        let node = task.map(|task| self.ledger.graph.tasks[task].name.clone());
+        let node = task.map(|task| self.ledger.graph.tasks[task].name.to_string());
         self.warnings.push(match &node {
             Some(node) => format!("`{node}`: {message}"),
             None => message.clone(),

@@ -8,7 +8,7 @@ use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 use crate::pipeline::error::causes;
-use crate::pipeline::graph::{From, Task, Work};
+use crate::pipeline::graph::{Origin, Task, Work};
 use crate::pipeline::ledger::{Ledger, Sources};
 use crate::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageError};
 use crate::store::{Artifact, Key, KeyLock, Recipe, Record, Remembered, Store, StoreError};
@@ -35,7 +35,7 @@ pub(super) enum Trouble {
     Failed { message: String, help: Option<String>, damaged: bool },
 }
 
-impl std::convert::From<StageError> for Trouble {
+impl From<StageError> for Trouble {
     fn from(error: StageError) -> Self {
         if matches!(error, StageError::Cancelled) {
             return Self::Cancelled;
@@ -56,7 +56,7 @@ impl std::convert::From<StageError> for Trouble {
     }
 }
 
-impl std::convert::From<StoreError> for Trouble {
+impl From<StoreError> for Trouble {
     fn from(error: StoreError) -> Self {
         StageError::Store(error).into()
     }
@@ -201,9 +201,9 @@ pub(super) fn inputs(ledger: &Ledger, of: &Task) -> Inputs {
         return inputs;
     }
     for feed in &of.ports {
-        let input = match &feed.from {
-            From::One(task) => Input::One(artifact(*task)),
-            From::Group(members) => Input::Group(members.iter().map(named).collect()),
+        let input = match &feed.origin {
+            Origin::One(task) => Input::One(artifact(*task)),
+            Origin::Group(members) => Input::Group(members.iter().map(named).collect()),
         };
         inputs.ports.insert(feed.port.to_owned(), input);
     }

@@ -8,6 +8,10 @@ use super::reference::{Reference, Target};
 use super::{Connection, MapGroup, Node, Wire, suggest};
 use crate::pipeline::error::{MOST_SHOWN, Problem};
 use crate::pipeline::stage::{Arity, Port};
+use crate::store::NodeName;
+
+/// What the maps are called beside the uses of stages.
+const MAPS: &str = "maps";
 
 /// What a reference leads to.
 #[derive(Debug, Clone)]
@@ -21,13 +25,11 @@ pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), 
     let order = order(&declared.stages)?;
     let mut graph =
         Graph { seed: declared.seed, groups: Vec::new(), nodes: Vec::new(), guesses: true, outputs: BTreeMap::new() };
-    let maps: Arc<str> = Arc::from("maps");
     for group in declared.groups {
         let first = graph.nodes.len();
         for map in group.maps {
             graph.nodes.push(Node {
-                name: format!("maps/{}", map.node.name),
-                stage_name: Arc::clone(&maps),
+                name: NodeName::new(MAPS, Some(&map.node.name)),
                 member: Some(Arc::from(map.node.name)),
                 spec: map.node.spec,
                 stage: map.node.stage,
@@ -88,7 +90,7 @@ fn order(stages: &[Use]) -> Result<Vec<usize>, Vec<Problem>> {
 
 fn unknown_stage(name: &str, reference: &Reference, stages: &[Use]) -> Problem {
     let problem = Problem::new(reference.span, format!("the pipeline has no stage `{name}`"));
-    if name == "maps" {
+    if name == MAPS {
         return problem.with_help("did you mean `$maps`?");
     }
     problem.with_help_from(suggest::help(name, stages.iter().map(|stage| stage.name.as_str())))
@@ -224,13 +226,8 @@ impl Graph {
                 Fed::Many(nodes) => Wire::Group(Arc::clone(nodes)),
             },
         };
-        let name = match &member {
-            Some(member) => format!("{}/{member}", stage.name),
-            None => stage.name.clone(),
-        };
         self.nodes.push(Node {
-            name,
-            stage_name: Arc::from(stage.name.as_str()),
+            name: NodeName::new(&stage.name, member.as_deref()),
             member,
             spec: stage.entry.spec,
             stage: Arc::clone(&stage.stage),
@@ -293,7 +290,7 @@ impl Graph {
         }
         let mut fitting: Vec<String> = Vec::new();
         for node in self.nodes.iter().filter(|node| node.spec.output.name == port.kind) {
-            let name = if &*node.stage_name == "maps" { "$maps" } else { &*node.stage_name };
+            let name = if node.name.stage() == MAPS { "$maps" } else { node.name.stage() };
             if fitting.last().is_none_or(|last| last != name) {
                 fitting.push(name.to_owned());
             }
@@ -359,7 +356,7 @@ impl Graph {
         if let Some(group) = self.groups.iter().find(|group| self.names(&group.members) == names) {
             return format!("the maps of group `{}`", group.name);
         }
-        let maps = self.nodes.iter().filter(|node| &*node.stage_name == "maps").count();
+        let maps = self.nodes.iter().filter(|node| node.name.stage() == MAPS).count();
         if names.len() == maps {
             return format!("all {maps} maps");
         }

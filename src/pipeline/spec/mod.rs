@@ -19,6 +19,7 @@ use std::sync::Arc;
 
 use super::error::{PipelineError, Problem, SpecError};
 use super::stage::{Register, Stage, StageError, StageSpec};
+use crate::store::NodeName;
 
 /// What is asked for: a file, and what comes from outside of it.
 #[derive(Clone, Copy)]
@@ -60,9 +61,7 @@ pub struct MapGroup {
 #[derive(Debug)]
 pub struct Node {
     /// `maps/home_03`, `labels/home_03`, `model`.
-    pub name: String,
-    /// The name before the slash: `maps`, `labels`, `model`.
-    pub stage_name: Arc<str>,
+    pub name: NodeName,
     /// The map's name, if the node is mapped or is a map.
     pub member: Option<Arc<str>>,
     pub spec: &'static StageSpec,
@@ -122,7 +121,7 @@ pub fn parse(text: &str, request: &Request) -> Result<Pipeline, PipelineError> {
 pub fn check_sources(pipeline: &Pipeline) -> Result<(), PipelineError> {
     let mut seen = BTreeSet::new();
     for node in pipeline.nodes.iter().filter(|node| seen.insert(Arc::as_ptr(&node.stage).cast::<()>())) {
-        let failed = |source| PipelineError::Sources { node: node.name.clone(), source };
+        let failed = |source| PipelineError::Sources { node: node.name.to_string(), source };
         for source in node.stage.sources().map_err(failed)? {
             let there = std::fs::File::open(&source.path);
             there.map_err(|error| failed(StageError::Source { path: source.path, source: error }))?;

@@ -1,10 +1,21 @@
 //! Guesses what was meant by a misspelt name.
 
+use std::collections::BTreeSet;
+
+use crate::store::NodeName;
+
+/// The longest name that is compared with others, in bytes.
+const LONGEST: usize = 256;
+
 /// Returns the candidate that is a slip of the finger away from a name, if there is one.
 pub(crate) fn closest<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    // The work grows with both lengths, and what is longer is no slip of the finger.
+    if name.len() > LONGEST {
+        return None;
+    }
     let folded = name.to_lowercase();
     candidates
-        .filter(|candidate| !candidate.is_empty() && *candidate != name)
+        .filter(|candidate| !candidate.is_empty() && candidate.len() <= LONGEST && *candidate != name)
         .map(|candidate| {
             let other = candidate.to_lowercase();
             let far = strsim::damerau_levenshtein(&folded, &other);
@@ -20,6 +31,15 @@ pub(crate) fn help<'a>(name: &str, candidates: impl Iterator<Item = &'a str> + C
     match closest(name, candidates.clone()) {
         Some(candidate) => Some(format!("did you mean `{candidate}`?")),
         None => known(candidates),
+    }
+}
+
+/// Returns a help line for the name of a node, a part or a stage: the closest one, or all stages if none is close.
+pub(crate) fn node<'a>(name: &str, nodes: impl Iterator<Item = &'a NodeName> + Clone) -> Option<String> {
+    let stages: BTreeSet<&str> = nodes.clone().map(NodeName::stage).collect();
+    match closest(name, stages.iter().copied().chain(nodes.map(NodeName::as_str))) {
+        Some(close) => Some(format!("did you mean `{close}`?")),
+        None => known(stages.iter().copied()),
     }
 }
 

@@ -64,14 +64,14 @@ impl<'r> Lineage<'r> {
     }
 }
 
-/// Returns the name of a node's stage: what stands before the first slash.
+/// Returns the name that the pipeline's file gives a node's stage.
 #[must_use]
 pub fn stage_name(node: &RunNode) -> &str {
-    node.node.split('/').next().unwrap_or(&node.node)
+    node.node.stage()
 }
 
-/// Returns the name of a node's map: what stands after the first slash, or the whole name.
+/// Returns the name of a node's map, or the whole name if it is made for none.
 #[must_use]
 pub fn member_name(node: &RunNode) -> &str {
-    node.node.split_once('/').map_or(node.node.as_str(), |(_, member)| member)
+    node.node.member().unwrap_or(&node.node)
 }

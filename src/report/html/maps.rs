@@ -284,14 +284,14 @@ pub(super) fn gallery(source: &Source<'_>) -> Fragment {
         let best = [("Labels", View::Labels), ("VisitCounts", View::Visits(Scale::Log))].into_iter().find_map(
             |(kind, view)| {
                 let made = maps.kind(map, kind).into_iter().find(|node| node.artifact.is_some());
-                made.map(|node| (node.node.clone(), view))
+                made.map(|node| (node.node.to_string(), view))
             },
         );
-        best.unwrap_or_else(|| (map.node.clone(), View::Map))
+        best.unwrap_or_else(|| (map.node.to_string(), View::Map))
     };
     let wanted: Vec<(String, View)> = others.iter().take(MOST_IN_GALLERY).map(view).collect();
     let windows: Vec<(String, View)> =
-        source.lineage.of_kind("Tiles").map(|tiles| (tiles.node.clone(), View::Windows)).collect();
+        source.lineage.of_kind("Tiles").map(|tiles| (tiles.node.to_string(), View::Windows)).collect();
     if wanted.is_empty() && windows.is_empty() {
         return Fragment::whole(String::new());
     }

@@ -71,7 +71,7 @@ fn groups<'r>(lineage: &Lineage<'r>) -> Vec<Group<'r>> {
     for (at, group) in groups.iter_mut().enumerate() {
         let names = group.nodes.iter().flat_map(|node| &node.inputs);
         let mut inputs: Vec<usize> = names
-            .filter_map(|input| index.get(input.split('/').next().unwrap_or(input)).copied())
+            .filter_map(|input| index.get(stage_name(lineage.node(input)?)).copied())
             .filter(|input| *input != at)
             .collect();
         inputs.sort_unstable();

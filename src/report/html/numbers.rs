@@ -188,7 +188,7 @@ fn score_cells(auc: Option<f64>, wall: Option<f64>, others: [String; 4]) -> Mark
 
 fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
     let several = costs.iter().any(|(node, _)| stage_name(node) != stage_name(costs[0].0));
-    let name = |node: &RunNode| if several { node.node.clone() } else { member_name(node).to_owned() };
+    let name = |node: &RunNode| if several { node.node.to_string() } else { member_name(node).to_owned() };
     let rows: Vec<BoxRow> = costs
         .iter()
         .filter_map(|(node, read)| Some((node, read.as_ref().ok()?)))
