@@ -17,6 +17,7 @@ use crate::report::picture::{Picture, Scale};
 use crate::report::png;
 use crate::stages::import_map::{ImportMap, Origin};
 use crate::stages::{annotate, compute};
+use crate::store::write_whole;
 
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
@@ -135,7 +136,7 @@ impl Args {
 
     fn write(&self, name: &str, bytes: &[u8], screen: &Screen) -> Result<(), CliError> {
         let path = self.out.join(name);
-        std::fs::write(&path, bytes).map_err(|source| self.failed(&path, source))?;
+        write_whole(&path, bytes).map_err(|source| self.failed(&path, source))?;
         screen.line(path.display().to_string())
     }
 

@@ -1,7 +1,7 @@
 //! Speaks. One file per command: it reads arguments, asks the other rooms, and prints.
 //!
-//! stdout is data, stderr is progress and errors. Exit codes: 0 done, 1 a stage failed, 2 a bad request, 3 a damaged
-//! store, 130 interrupted.
+//! stdout is data, stderr is progress and errors. Exit codes: 0 done, 1 a stage or a disk failed, 2 a bad request, 3
+//! a damaged store, 130 interrupted.
 
 mod annotate;
 mod check;
@@ -32,6 +32,8 @@ use clap::{CommandFactory, Parser, Subcommand};
 
 use error::CliError;
 use screen::Screen;
+
+use crate::pipeline::error::PipelineError;
 
 /// Learns where people walk: predicts from a floor plan how often each spot is visited.
 #[derive(Debug, Parser)]
@@ -100,15 +102,32 @@ enum Command {
 /// Parses the command line, runs the command and returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
-    let cli = Cli::parse();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(said) => return explain(&said),
+    };
     let screen = Screen::new(cli.json);
-    match dispatch(&cli, &screen) {
-        Ok(code) => code,
-        Err(error) => {
-            error.print(&screen);
-            error.code()
-        }
+    let done = dispatch(&cli, &screen).and_then(|code| screen.flush().map(|()| code));
+    done.unwrap_or_else(|error| complain(&error, &screen))
+}
+
+/// Prints the help that was asked for, or what is wrong with the command line.
+fn explain(said: &clap::Error) -> ExitCode {
+    let screen = Screen::new(false);
+    match said.print().map_err(CliError::output).and_then(|()| screen.flush()) {
+        Err(error) if !said.use_stderr() => complain(&error, &screen),
+        _ => ExitCode::from(u8::try_from(said.exit_code()).unwrap_or(2)),
     }
+}
+
+/// Prints an error to stderr and returns its exit code.
+fn complain(error: &CliError, screen: &Screen) -> ExitCode {
+    match error {
+        CliError::Closed => {}
+        CliError::Pipeline(error @ PipelineError::Spec(_)) => screen.complain(&error.render(screen.color())),
+        other => screen.error(&other.message(), other.help().as_deref()),
+    }
+    error.code()
 }
 
 fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {

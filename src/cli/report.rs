@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use super::error::CliError;
 use super::screen::Screen;
 use crate::report::html;
-use crate::store::Store;
+use crate::store::{Store, write_whole};
 
 /// Arguments of `report`.
 #[derive(Debug, clap::Args)]
@@ -19,7 +19,7 @@ pub struct Args {
     /// Id of the run, the beginning of it, or `latest`.
     #[arg(default_value = "latest")]
     run: String,
-    /// Write it here too.
+    /// Write it here instead.
     #[arg(long, short, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -28,15 +28,15 @@ impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let store = Store::open_existing(store)?;
         let run = store.run(&self.run)?;
-        let page = html::write(&store, &run)?;
-        if let Some(out) = &self.out {
-            std::fs::copy(&page, out).map_err(|source| CliError::File {
-                action: "write",
-                path: out.clone(),
-                source,
-            })?;
-        }
-        screen.line(self.out.as_ref().unwrap_or(&page).display().to_string())?;
+        let path = match &self.out {
+            Some(out) => {
+                let failed = |source| CliError::File { action: "write", path: out.clone(), source };
+                write_whole(out, html::render(&store, &run).as_bytes()).map_err(failed)?;
+                out.clone()
+            }
+            None => html::write(&store, &run)?,
+        };
+        screen.line(path.display().to_string())?;
         Ok(ExitCode::SUCCESS)
     }
 }

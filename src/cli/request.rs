@@ -9,7 +9,7 @@ use super::error::CliError;
 use crate::pipeline::plan::Lookups;
 use crate::pipeline::spec::{self, Pipeline, suggest};
 use crate::stages::REGISTER;
-use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, StoreError};
+use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, StoreError, read_bounded};
 
 /// A pipeline file and the settings that override it.
 #[derive(Debug, Clone, Args)]
@@ -82,7 +82,7 @@ impl Lookups for Known {
         if let Some(store) = &self.0 {
             return store.source_digest(path);
         }
-        let bytes = std::fs::read(path);
+        let bytes = read_bounded(path, u64::MAX);
         let failed = |source| StoreError::Io { action: "read", path: path.to_owned(), source };
         bytes.map(|bytes| Digest::of(&bytes)).map_err(failed)
     }
@@ -101,9 +101,12 @@ pub fn find_run(store: &Store, pipeline: Option<&str>, id: Option<&str>) -> Resu
                 "`trodden status` lists what there is",
             )
         }),
-        (None, None) => store
-            .run("latest")
-            .map_err(|_| CliError::advised("no run is on record in this store", "`trodden run PIPELINE` makes one")),
+        (None, None) => store.run("latest").map_err(|error| match error {
+            StoreError::NoRun { .. } => {
+                CliError::advised("no run is on record in this store", "`trodden run PIPELINE` makes one")
+            }
+            other => other.into(),
+        }),
     }
 }
 

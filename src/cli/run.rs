@@ -5,6 +5,8 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
+use serde_json::json;
+
 use super::error::CliError;
 use super::plan::print_plan;
 use super::request::PipelineArgs;
@@ -24,7 +26,7 @@ use crate::store::{RunStatus, Store};
   trodden run pipelines/quickstart.yaml --only labels/home_03
   trodden run pipelines/quickstart.yaml --json | jq -r 'select(.outcome == \"ran\") | .node'
 
-Exit codes: 0 done, 1 a stage failed, 2 a bad request, 3 a damaged store, 130 interrupted.")]
+Exit codes: 0 done, 1 a stage or a disk failed, 2 a bad request, 3 a damaged store, 130 interrupted.")]
 pub struct Args {
     #[command(flatten)]
     pipeline: PipelineArgs,
@@ -89,17 +91,30 @@ impl Args {
         if self.keep {
             store.mark_keep(&report.run.id, true)?;
         }
-        let page = html::write(&store, &report.run);
+        let page = html::write(&store, &report.run).map_err(CliError::from);
         if let Some(event) = &last {
             bars.hear(event);
         }
-        if style != BarStyle::Json && style != BarStyle::Quiet {
-            match page {
-                Ok(path) => screen.remark(format!("report: {}", path.display())),
-                Err(error) => screen.remark(format!("warning: no report: {error}")),
+        let code = finish(&report, screen);
+        let told = match &page {
+            Ok(path) if screen.json() => screen.object(&json!({ "event": "report", "path": path })),
+            Ok(path) if !self.quiet => {
+                screen.remark(format!("report: {}", path.display()));
+                Ok(())
             }
+            Ok(_) => Ok(()),
+            Err(error) if screen.json() => {
+                screen.object(&json!({ "event": "report", "path": null, "error": error.message() }))
+            }
+            Err(_) => Ok(()),
+        };
+        // A run that failed has a code of its own.
+        if code != ExitCode::SUCCESS {
+            return Ok(code);
         }
-        Ok(finish(&report, screen))
+        bars.take_failure().map_or(told, |failure| Err(CliError::output(failure)))?;
+        page.map_err(|error| CliError::Unreported { message: error.message(), help: error.help() })?;
+        Ok(code)
     }
 }
 

@@ -5,6 +5,7 @@ use std::io::{self, IsTerminal, Write};
 use serde::Serialize;
 
 use super::error::CliError;
+use crate::report::plain::{one_line, plain, plain_but_colors, plain_json};
 
 pub use crate::report::amounts::bytes;
 
@@ -47,21 +48,36 @@ impl Screen {
         self.terminal
     }
 
-    /// Prints a line of data.
+    /// Prints a line of data, or several.
     ///
     /// # Errors
-    /// [`CliError::Closed`] if nobody reads stdout any more.
+    /// [`CliError::Closed`] if nobody reads stdout any more, [`CliError::Output`] if it cannot be written.
     pub fn line(&self, text: impl AsRef<str>) -> Result<(), CliError> {
-        let mut out = io::stdout().lock();
-        writeln!(out, "{}", text.as_ref()).map_err(|_| CliError::Closed)
+        print(&plain(text.as_ref()))
+    }
+
+    /// Prints a drawing that may have colors.
+    ///
+    /// # Errors
+    /// As [`Screen::line`].
+    pub fn drawing(&self, text: impl AsRef<str>) -> Result<(), CliError> {
+        if self.terminal { print(&plain_but_colors(text.as_ref())) } else { self.line(text) }
     }
 
     /// Prints a value as one line of JSON.
     ///
     /// # Errors
-    /// [`CliError::Closed`] if nobody reads stdout any more.
+    /// As [`Screen::line`].
     pub fn object(&self, value: &impl Serialize) -> Result<(), CliError> {
-        self.line(serde_json::to_string(value).expect("what is printed is JSON"))
+        print(&plain_json(&serde_json::to_string(value).expect("what is printed is JSON")))
+    }
+
+    /// Makes sure that all data are out.
+    ///
+    /// # Errors
+    /// As [`Screen::line`].
+    pub fn flush(&self) -> Result<(), CliError> {
+        io::stdout().flush().map_err(CliError::output)
     }
 
     /// Prints a remark to stderr.
@@ -72,21 +88,28 @@ impl Screen {
     /// Prints an error and what helps to stderr.
     pub fn error(&self, message: &str, help: Option<&str>) {
         let (red, cyan, reset) = if self.colors { ("\x1b[1;31m", "\x1b[1;36m", "\x1b[0m") } else { ("", "", "") };
-        self.complain(&format!("{red}error{reset}: {message}"));
+        self.complain(&format!("{red}error{reset}: {}", plain(message)));
         if let Some(help) = help {
-            self.complain(&format!("{cyan}help{reset}: {help}"));
+            self.complain(&format!("{cyan}help{reset}: {}", plain(help)));
         }
     }
 
-    /// Prints text to stderr as it is; there is nowhere left to say that stderr is closed.
+    /// Prints text to stderr; there is nowhere left to say that stderr is closed.
     pub fn complain(&self, text: &str) {
+        let text = if self.colors { plain_but_colors(text).into() } else { plain(text) };
         let _ = writeln!(io::stderr().lock(), "{text}");
     }
+}
+
+fn print(text: &str) -> Result<(), CliError> {
+    writeln!(io::stdout().lock(), "{text}").map_err(CliError::output)
 }
 
 /// Arranges rows in columns: the widest entry decides, numbers stand at the right.
 #[must_use]
 pub fn columns(header: &[&str], rows: &[Vec<String>]) -> String {
+    let rows: Vec<Vec<String>> =
+        rows.iter().map(|row| row.iter().map(|cell| one_line(cell).into_owned()).collect()).collect();
     let width = |column: usize| {
         let cells = rows.iter().map(|row| row[column].chars().count());
         cells.chain([header[column].chars().count()]).max().unwrap_or(0)

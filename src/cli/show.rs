@@ -8,7 +8,7 @@ use super::request::{find_node, find_run};
 use super::screen::{Screen, bytes};
 use crate::report::picture::{Scale, Shown};
 use crate::report::{png, terminal};
-use crate::store::{RunNode, Store};
+use crate::store::{RunNode, Store, write_whole};
 
 /// Arguments of `show`.
 #[derive(Debug, clap::Args)]
@@ -74,7 +74,7 @@ impl Args {
         }
         if let Some(picture) = shown.picture() {
             let width = self.width.unwrap_or_else(terminal::width);
-            screen.line(terminal::raster(picture, scale, width, screen.terminal()))?;
+            screen.drawing(terminal::raster(picture, scale, width, screen.terminal()))?;
         }
         if let Some(table) = shown.table() {
             screen.line(terminal::table(table, self.rows))?;
@@ -98,11 +98,7 @@ impl Args {
         };
         let path = path.map_or_else(|| PathBuf::from(format!("{}.png", node.node.replace('/', "-"))), Path::to_owned);
         let bytes = png::figure(picture, scale, &node.node);
-        std::fs::write(&path, bytes).map_err(|source| CliError::File {
-            action: "write",
-            path: path.clone(),
-            source,
-        })?;
+        write_whole(&path, &bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
         screen.line(path.display().to_string())?;
         Ok(ExitCode::SUCCESS)
     }

@@ -8,7 +8,7 @@ use super::request::find_run;
 use super::screen::Screen;
 use crate::kinds;
 use crate::report::terminal;
-use crate::store::{Artifact, Run, Store};
+use crate::store::{Artifact, Digest, Run, Store, read_bounded};
 
 /// Arguments of `sql`.
 #[derive(Debug, clap::Args)]
@@ -36,11 +36,15 @@ pub struct Args {
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        let store = Store::open_existing(store)?;
-        let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref()).ok();
-        let mut tables = |name: &str| load(name, &store, run.as_ref());
-        let frame = kinds::sql(&self.query, &mut tables)
-            .map_err(|error| CliError::Request { message: error.to_string(), help: error.help() })?;
+        let mut tables = Tables { nodes: None, store, args: self, trouble: None };
+        if self.run.is_some() || self.pipeline.is_some() {
+            tables.nodes()?;
+        }
+        let answer = kinds::sql(&self.query, &mut |name| tables.files(name));
+        let frame = answer.map_err(|error| {
+            let said = || CliError::Request { message: error.to_string(), help: error.help() };
+            tables.trouble.take().unwrap_or_else(said)
+        })?;
         if screen.json() {
             for row in terminal::json_rows(&frame) {
                 screen.object(&row)?;
@@ -52,25 +56,77 @@ impl Args {
     }
 }
 
-/// The bytes of the Parquet files that a name stands for; `None` if it stands for nothing.
-fn load(name: &str, store: &Store, run: Option<&Run>) -> Option<Vec<Vec<u8>>> {
-    let node = run.and_then(|run| run.nodes.iter().find(|node| node.node == name));
-    if let Some(artifact) = node.and_then(|node| node.artifact.as_ref()) {
-        return parquet_files(artifact).map(|digest| store.read(&digest).ok()).collect();
-    }
-    let mut paths: Vec<PathBuf> = if name.contains(['*', '?', '[']) {
-        glob::glob(name).ok()?.filter_map(Result::ok).collect()
-    } else {
-        vec![PathBuf::from(name)]
-    };
-    paths.sort();
-    if paths.is_empty() {
-        return None;
-    }
-    paths.into_iter().map(|path| std::fs::read(path).ok()).collect()
+/// What the tables of a query are looked up in.
+struct Tables<'a> {
+    /// The run that nodes are looked up in; only opened when a name is that of no file.
+    nodes: Option<(Store, Run)>,
+    store: &'a Path,
+    args: &'a Args,
+    /// What went wrong beside that a name means nothing.
+    trouble: Option<CliError>,
 }
 
-fn parquet_files(artifact: &Artifact) -> impl Iterator<Item = crate::store::Digest> + '_ {
+impl Tables<'_> {
+    /// Returns the bytes of the Parquet files that a name stands for; `None` if it stands for nothing or there was trouble.
+    fn files(&mut self, name: &str) -> Option<Vec<Vec<u8>>> {
+        self.find(name).unwrap_or_else(|error| {
+            self.trouble = Some(error);
+            None
+        })
+    }
+
+    fn find(&mut self, name: &str) -> Result<Option<Vec<Vec<u8>>>, CliError> {
+        let paths = paths(name);
+        // A path is one without a store, too; a node comes first if both are there.
+        let is_there = paths.iter().any(|path| path.exists());
+        let (store, run) = match self.nodes() {
+            Ok(nodes) => nodes,
+            Err(_) if is_there => return read_all(paths),
+            Err(_) if Path::new(name).extension().is_some() => return Ok(None),
+            Err(error) => return Err(error),
+        };
+        match run.nodes.iter().find(|node| node.node == name) {
+            Some(node) => {
+                let artifact = node.artifact.as_ref().ok_or_else(|| {
+                    let message = format!("`{name}` has no artifact in the run {}", run.id);
+                    CliError::advised(message, "it failed or was skipped: run the pipeline again")
+                })?;
+                let files = parquet_files(artifact).map(|digest| store.read(&digest));
+                Ok(Some(files.collect::<Result<_, _>>()?))
+            }
+            None if is_there => read_all(paths),
+            None => Ok(None),
+        }
+    }
+
+    fn nodes(&mut self) -> Result<&(Store, Run), CliError> {
+        if self.nodes.is_none() {
+            let store = Store::open_existing(self.store)?;
+            let run = find_run(&store, self.args.pipeline.as_deref(), self.args.run.as_deref())?;
+            self.nodes = Some((store, run));
+        }
+        Ok(self.nodes.as_ref().expect("it was opened above"))
+    }
+}
+
+/// Returns the files that a path or a pattern means, in order.
+fn paths(name: &str) -> Vec<PathBuf> {
+    // A file may have the name of a pattern.
+    if Path::new(name).exists() || !name.contains(['*', '?', '[']) {
+        return vec![PathBuf::from(name)];
+    }
+    let mut paths: Vec<PathBuf> = glob::glob(name).into_iter().flatten().filter_map(Result::ok).collect();
+    paths.sort();
+    paths
+}
+
+fn read_all(paths: Vec<PathBuf>) -> Result<Option<Vec<Vec<u8>>>, CliError> {
+    let read =
+        |path: PathBuf| read_bounded(&path, u64::MAX).map_err(|source| CliError::File { action: "read", path, source });
+    Ok(Some(paths.into_iter().map(read).collect::<Result<_, _>>()?))
+}
+
+fn parquet_files(artifact: &Artifact) -> impl Iterator<Item = Digest> + '_ {
     let parquet = |name: &str| name.is_empty() || name.ends_with(".parquet");
     artifact.files.iter().filter(move |file| parquet(&file.name)).map(|file| file.digest)
 }

@@ -1,11 +1,12 @@
 //! What a run does, while it does it: bars on a terminal, lines elsewhere, or a stream of JSON.
 
 use std::collections::BTreeMap;
-use std::io::Write;
+use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::plain::{one_line, plain, plain_but_colors, plain_json};
 use crate::pipeline::event::{Counts, Event, RunState};
 use crate::store::{Outcome, RunStatus};
 
@@ -20,7 +21,7 @@ pub enum BarStyle {
     Plain,
     /// Every event but progress as one line of JSON on stdout.
     Json,
-    /// Nothing at all.
+    /// Only warnings, as lines on stderr.
     Quiet,
 }
 
@@ -37,6 +38,8 @@ pub struct Bars {
     style: BarStyle,
     state: RunState,
     drawn: Option<Drawn>,
+    /// What first went wrong on stdout.
+    failure: Option<io::Error>,
 }
 
 /// The bars on a terminal.
@@ -58,7 +61,7 @@ impl Bars {
     /// Starts with nothing to show yet.
     #[must_use]
     pub fn new(style: BarStyle) -> Self {
-        Self { style, state: RunState::default(), drawn: None }
+        Self { style, state: RunState::default(), drawn: None, failure: None }
     }
 
     /// Returns where the run stands.
@@ -71,24 +74,36 @@ impl Bars {
     pub fn hear(&mut self, event: &Event) {
         self.state.apply(event);
         match self.style {
+            BarStyle::Quiet if matches!(event, Event::Warning { .. }) => self.say(event),
             BarStyle::Quiet => {}
             BarStyle::Json => self.print_json(event),
-            BarStyle::Plain => {
-                for line in self.lines(event, false) {
-                    complain(&line);
-                }
-            }
+            BarStyle::Plain => self.say(event),
             BarStyle::Terminal => self.draw(event),
         }
     }
 
-    fn print_json(&self, event: &Event) {
+    /// Returns what first kept an event from being printed on stdout; that nobody reads it any more is none.
+    pub fn take_failure(&mut self) -> Option<io::Error> {
+        self.failure.take()
+    }
+
+    fn say(&self, event: &Event) {
+        for line in self.lines(event, false) {
+            complain(&line);
+        }
+    }
+
+    fn print_json(&mut self, event: &Event) {
         if matches!(event, Event::Progress { .. }) {
             return;
         }
         let line = serde_json::to_string(event).expect("an event is JSON");
-        // Nobody may be reading any more; the run goes on all the same.
-        let _ = writeln!(std::io::stdout().lock(), "{line}");
+        // The run goes on all the same.
+        if let Err(error) = writeln!(io::stdout().lock(), "{}", plain_json(&line))
+            && error.kind() != io::ErrorKind::BrokenPipe
+        {
+            self.failure.get_or_insert(error);
+        }
     }
 
     /// Returns what an event is worth saying in lines.
@@ -96,30 +111,26 @@ impl Bars {
         let paint = |code: &str, text: &str| if color { format!("\x1b[{code}m{text}\x1b[0m") } else { text.to_owned() };
         match event {
             Event::RunStarted { pipeline, nodes, id, .. } if !color => {
-                vec![format!("{pipeline}: {nodes} nodes, run {id}")]
+                vec![format!("{}: {nodes} nodes, run {id}", one_line(pipeline))]
             }
             Event::Node { node, outcome, wall_s, error, help, .. } => match outcome {
                 Outcome::Hit => Vec::new(),
                 Outcome::Ran => {
                     let place = format!("[{}/{}]", self.state.done(), self.state.nodes);
-                    vec![format!(
-                        "{} {} {node} {}",
-                        paint("2", &place),
-                        paint("32", "ran"),
-                        paint("2", &seconds(*wall_s))
-                    )]
+                    let (ran, time) = (paint("32", "ran"), paint("2", &seconds(*wall_s)));
+                    vec![format!("{} {ran} {} {time}", paint("2", &place), one_line(&node.to_string()))]
                 }
-                Outcome::Skipped => vec![format!("{} {node}", paint("33", "skipped"))],
+                Outcome::Skipped => vec![format!("{} {}", paint("33", "skipped"), one_line(&node.to_string()))],
                 Outcome::Failed => {
-                    let message = error.as_deref().unwrap_or("no reason was given");
-                    let mut lines = vec![format!("{} {node}: {message}", paint("1;31", "failed"))];
-                    lines.extend(help.iter().map(|help| format!("  help: {help}")));
+                    let message = plain(error.as_deref().unwrap_or("no reason was given"));
+                    let mut lines = vec![format!("{} {}: {message}", paint("1;31", "failed"), one_line(&node.to_string()))];
+                    lines.extend(help.iter().map(|help| format!("  help: {}", plain(help))));
                     lines
                 }
             },
             Event::Warning { node, message } => {
-                let place = node.as_ref().map_or_else(String::new, |node| format!("`{node}`: "));
-                vec![format!("{}: {place}{message}", paint("33", "warning"))]
+                let place = node.as_ref().map_or_else(String::new, |node| format!("`{}`: ", one_line(&node.to_string())));
+                vec![format!("{}: {place}{}", paint("33", "warning"), plain(message))]
             }
             Event::Run { status, wall_s, .. } => vec![summary(&self.state.counts, *status, *wall_s)],
             _ => Vec::new(),
@@ -139,7 +150,7 @@ impl Bars {
         let failed = matches!(event, Event::Node { outcome: Outcome::Failed, .. } | Event::Warning { .. });
         if failed {
             for line in &lines {
-                let _ = drawn.all.println(line);
+                let _ = drawn.all.println(plain_but_colors(line));
             }
         }
         drawn.follow(event, &self.state);
@@ -155,7 +166,7 @@ impl Drawn {
         let all = MultiProgress::with_draw_target(ProgressDrawTarget::stderr_with_hz(10));
         let run = all.add(ProgressBar::new(nodes as u64));
         run.set_style(style("{prefix:.bold} {bar:32.green/black.bright} {pos}/{len}  {elapsed}  {wide_msg}"));
-        run.set_prefix(pipeline.to_owned());
+        run.set_prefix(one_line(pipeline).into_owned());
         Self { all, run, nodes: BTreeMap::new() }
     }
 
@@ -165,7 +176,7 @@ impl Drawn {
                 if self.nodes.len() < MOST_BARS {
                     let bar = self.all.add(ProgressBar::new_spinner());
                     bar.set_style(style("  {spinner:.cyan} {prefix}  {elapsed:.dim}"));
-                    bar.set_prefix(node.to_string());
+                    bar.set_prefix(one_line(&node.to_string()).into_owned());
                     bar.enable_steady_tick(TICK);
                     self.nodes.insert(node.to_string(), NodeBar { bar, sized: false, moved: Instant::now() });
                 }
@@ -204,7 +215,7 @@ impl WorkBar {
     pub fn new(name: &str, is_terminal: bool) -> Self {
         let target = if is_terminal { ProgressDrawTarget::stderr_with_hz(10) } else { ProgressDrawTarget::hidden() };
         let bar = ProgressBar::with_draw_target(None, target);
-        bar.set_prefix(name.to_owned());
+        bar.set_prefix(one_line(name).into_owned());
         bar.enable_steady_tick(TICK);
         Self(NodeBar { bar, sized: false, moved: Instant::now() })
     }
@@ -260,7 +271,7 @@ fn summary(counts: &Counts, status: RunStatus, wall_s: f64) -> String {
 
 /// Prints to stderr; there is nowhere left to say that it is closed.
 fn complain(line: &str) {
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let _ = writeln!(io::stderr().lock(), "{}", plain_but_colors(line));
 }
 
 #[cfg(test)]
@@ -323,6 +334,21 @@ mod tests {
                 "failed in 1 min 15 s: 1 ran, 1 hit, 1 failed, 1 skipped",
             ]
         );
+    }
+
+    #[test]
+    fn names_and_messages_give_no_orders() {
+        let odd = "a\x1b]0;owned\x07\nb".to_owned();
+        let started = Event::RunStarted { id: "r".to_owned(), pipeline: odd.clone(), file: String::new(), nodes: 1 };
+        let warning = Event::Warning { node: Some(odd.clone()), message: odd.clone() };
+        let events =
+            [started, node(&odd, Outcome::Ran), node(&odd, Outcome::Failed), node(&odd, Outcome::Skipped), warning];
+        let bars = Bars::new(BarStyle::Quiet);
+        for event in &events {
+            let said = bars.lines(event, false).join("\n");
+            assert!(said.contains("a\\u{1b}]0;owned\\u{7}\\u{a}b") && !said.contains('\x1b'), "{said}");
+            assert!(!bars.lines(event, true).join("").contains("\x1b]"));
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 //!
 //! - [`bars`]: what a run does, while it does it;
 //! - [`picture`]: an artifact as something to look at; [`terminal`] and [`png`] draw it, and so does [`html`];
+//! - [`plain`]: text that gives a terminal no orders;
 //! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
 //! - [`html`]: the report of a run.
 //!
@@ -15,6 +16,7 @@ pub mod charts;
 mod colors;
 pub mod html;
 pub mod picture;
+pub mod plain;
 pub mod png;
 mod shown;
 pub mod terminal;

@@ -8,6 +8,7 @@ use crate::domain::geometry::{Cell, Grid};
 use super::axis::Axis;
 use super::colors::{self, Rgb};
 use super::picture::{Ink, Picture, Scale};
+use super::plain::one_line;
 
 /// Shades for values where there is no color, from low to high.
 const SHADES: &[u8] = b".:-=+*%@";
@@ -184,7 +185,7 @@ pub fn table(frame: &DataFrame, max_rows: usize) -> String {
         .columns()
         .iter()
         .map(|column| {
-            let mut cells = vec![column.name().to_string(), type_name(column.dtype())];
+            let mut cells = vec![one_line(column.name()).into_owned(), type_name(column.dtype())];
             cells.extend((0..shown).map(|row| column.get(row).map_or_else(|_| String::new(), |value| cell(&value))));
             cells
         })
@@ -236,10 +237,11 @@ fn cell(value: &AnyValue<'_>) -> String {
         AnyValue::Float64(number) => decimal(*number, 6),
         other => other.to_string(),
     };
+    let text = one_line(&text);
     if text.chars().count() > WIDEST {
         format!("{}…", text.chars().take(WIDEST - 1).collect::<String>())
     } else {
-        text
+        text.into_owned()
     }
 }
 

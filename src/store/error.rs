@@ -108,6 +108,16 @@ impl StoreError {
         })
     }
 
+    /// Returns what the store said, however deep it lies among the causes of another error.
+    #[must_use]
+    pub fn within<'a>(error: &'a (dyn std::error::Error + 'static)) -> Option<&'a Self> {
+        std::iter::successors(Some(error), |error| error.source()).find_map(|error| {
+            // An I/O error that carries another one does not name it as its source.
+            let carried = error.downcast_ref::<io::Error>().and_then(io::Error::get_ref);
+            error.downcast_ref().or_else(|| carried.and_then(|carried| carried.downcast_ref()))
+        })
+    }
+
     /// Tells whether the store itself is damaged (exit code 3).
     #[must_use]
     pub const fn is_damage(&self) -> bool {

@@ -298,11 +298,15 @@ mod tests {
     fn a_name_that_cannot_be_linked_costs_one_link() {
         let (_folder, store) = store();
         let long = "x".repeat(256 - ".parquet".len());
-        let odd = ["", "..", "a/../../b", "/a", "a//b", "red\u{1b}[31m", "two\nlines", "nul\0", &long];
+        let odd = ["a/../../b", "/a", "a//b", "red\u{1b}[31m", "two\nlines", "nul\0", &long];
         for node in odd {
             let found = problems(&store, &[file(&store, node, "a"), file(&store, "good", "b")]);
             assert_eq!(found.len(), 1, "{node:?}: {found:?}");
             assert_eq!(shown(&store), ["good.parquet: b"]);
+        }
+        for node in ["", ".", ".."] {
+            let entry = LatestEntry { extension: "", ..file(&store, node, "a") };
+            assert_eq!(problems(&store, &[entry]).len(), 1, "{node:?}");
         }
         let fine = ["back\\slash", "a b", "-x", "ä", "...", &long[1..]];
         let entries: Vec<_> = fine.iter().map(|node| file(&store, node, "a")).collect();

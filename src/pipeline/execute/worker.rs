@@ -37,7 +37,7 @@ pub(super) enum Trouble {
 
 impl From<StageError> for Trouble {
     fn from(error: StageError) -> Self {
-        if matches!(error, StageError::Cancelled) {
+        if matches!(error, StageError::Cancelled) || matches!(store_error(&error), Some(StoreError::Interrupted)) {
             return Self::Cancelled;
         }
         let mut message = error.to_string();
@@ -64,20 +64,10 @@ impl From<StoreError> for Trouble {
 
 /// Returns what the store said, however deep it lies.
 fn store_error(error: &StageError) -> Option<&StoreError> {
-    if let StageError::Store(error) = error {
-        return Some(error);
+    match error {
+        StageError::Store(error) => Some(error),
+        other => StoreError::within(other),
     }
-    let mut cause = std::error::Error::source(error);
-    while let Some(error) = cause {
-        // An I/O error that carries another one does not name it as its source.
-        let carried = error.downcast_ref::<std::io::Error>().and_then(std::io::Error::get_ref);
-        let carried = carried.and_then(|carried| carried.downcast_ref::<StoreError>());
-        match error.downcast_ref::<StoreError>().or(carried) {
-            Some(error) => return Some(error),
-            None => cause = error.source(),
-        }
-    }
-    None
 }
 
 /// All that the thread of a task needs.
