@@ -9,6 +9,7 @@ mod requests;
 mod runs;
 mod shows;
 mod stores;
+mod streams;
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

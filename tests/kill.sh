@@ -1,15 +1,17 @@
 #!/usr/bin/env bash
-# Kills runs of a small pipeline with SIGKILL at random moments and runs them again; then starts two runs on one store at once.
+# Kills runs of a small pipeline with SIGKILL at random moments, collects garbage after every tenth kill and runs them again;
+# then starts two runs on one store at once.
 #
 #   tests/kill.sh target/release/trodden 50 "$(mktemp -d)"
 #
 # Arguments: the program, how many rounds, an empty folder to work in. A round is a fresh store, one to three kills, and a
-# run to the end: it must end with the digests of an undisturbed run, `verify` must be clean, and nothing may be left of
-# the dead. Exits with 1 at the first round that breaks a promise; its store stays in the folder.
+# run to the end: it must end with the digests of an undisturbed run and find all that a killed run said it had made,
+# `verify` must be clean, and nothing may be left of the dead. Exits with 1 at the first round that breaks a promise; its
+# store stays in the folder.
 set -euo pipefail
 
 if [ $# -ne 3 ]; then
-    sed -n '2,8s/^# \{0,1\}//p' "$0" >&2
+    sed -n '2,10s/^# \{0,1\}//p' "$0" >&2
     exit 2
 fi
 trodden=$(realpath "$1")
@@ -50,6 +52,13 @@ digests() {
     sed -n 's/^{"event":"node","node":"\([^"]*\)","outcome":"\(ran\|hit\)","digest":"\([0-9a-f]\{64\}\)".*/\1 \3/p' "$1" | sort
 }
 
+# named OUTCOME OUT…: the nodes that runs said to have ended so.
+named() {
+    local outcome=$1
+    shift
+    sed -n 's/^{"event":"node","node":"\([^"]*\)","outcome":"'"$outcome"'",.*/\1/p' "$@" | sort -u
+}
+
 # ran OUT: how many nodes it made.
 ran() {
     sed -n 's/^{"event":"run","ran":\([0-9]*\),.*/\1/p' "$1"
@@ -73,11 +82,13 @@ nodes=$(wc -l <expected)
 check undisturbed undisturbed.jsonl "the undisturbed run"
 
 kills=0
+collections=0
 for round in $(seq 1 "$rounds"); do
     store=store-$round
     window=$length
     wanted=$((RANDOM % 3 + 1))
     hits=0
+    : >made.jsonl
     while [ "$hits" -lt "$wanted" ]; do
         wait_us=$(((RANDOM * 32768 + RANDOM) % window))
         "$trodden" --store "$store" --json run small.yaml >killed.jsonl 2>killed.txt &
@@ -85,9 +96,16 @@ for round in $(seq 1 "$rounds"); do
         sleep "$((wait_us / 1000000)).$(printf '%06d' $((wait_us % 1000000)))"
         if kill -KILL "$pid" 2>kill.txt; then
             hits=$((hits + 1))
+            cat killed.jsonl >>made.jsonl
+            if [ $(((kills + hits) % 10)) = 0 ] && [ -d "$store" ]; then
+                collections=$((collections + 1))
+                "$trodden" --store "$store" gc --yes >gc.txt 2>&1 || grep -q 'there is no store' gc.txt ||
+                    fail "round $round: gc failed: $(cat gc.txt)"
+            fi
         else
             # It was through: begin the round anew, and be quicker.
             rm -rf "$store"
+            : >made.jsonl
             window=$((window * 3 / 4 + 1))
             hits=0
         fi
@@ -96,9 +114,12 @@ for round in $(seq 1 "$rounds"); do
     kills=$((kills + hits))
     run "$store" "$store.jsonl" || fail "round $round: the run after the kills failed, see $PWD/$store"
     check "$store" "$store.jsonl" "round $round"
+    # The last line of a killed run may be cut short; then it has promised nothing.
+    named ran made.jsonl | comm -12 - <(named ran "$store.jsonl") >again.txt
+    [ ! -s again.txt ] || fail "round $round made again what a killed run had made: $(tr '\n' ' ' <again.txt)"
     rm -rf "$store" "$store.jsonl"
 done
-echo "$rounds rounds, $kills kills: the same digests for $nodes nodes each time, verify is clean"
+echo "$rounds rounds, $kills kills, $collections collections: the same digests for $nodes nodes each time, verify is clean"
 
 run both one.jsonl &
 one=$!

@@ -1,11 +1,11 @@
 //! `run`: runs a pipeline.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use serde_json::json;
+use serde::Serialize;
 
 use super::error::CliError;
 use super::plan::print_plan;
@@ -92,29 +92,50 @@ impl Args {
             store.mark_keep(&report.run.id, true)?;
         }
         let page = html::write(&store, &report.run).map_err(CliError::from);
-        if let Some(event) = &last {
-            bars.hear(event);
-        }
-        let code = finish(&report, screen);
-        let told = match &page {
-            Ok(path) if screen.json() => screen.object(&json!({ "event": "report", "path": path })),
-            Ok(path) if !self.quiet => {
-                screen.remark(format!("report: {}", path.display()));
+        let told = match last {
+            Some(event) if screen.json() => screen.object(&Ended::new(&event, &page)),
+            Some(event) => {
+                bars.hear(&event);
                 Ok(())
             }
-            Ok(_) => Ok(()),
-            Err(error) if screen.json() => {
-                screen.object(&json!({ "event": "report", "path": null, "error": error.message() }))
-            }
-            Err(_) => Ok(()),
+            None => Ok(()),
         };
+        if let Ok(path) = &page
+            && !screen.json()
+            && !self.quiet
+        {
+            screen.remark(format!("report: {}", path.display()));
+        }
+        let code = finish(&report, screen);
         // A run that failed has a code of its own.
         if code != ExitCode::SUCCESS {
+            if let Err(error) = page {
+                screen.remark(format!("warning: no report was written: {}", error.message()));
+            }
             return Ok(code);
         }
         bars.take_failure().map_or(told, |failure| Err(CliError::output(failure)))?;
         page.map_err(|error| CliError::Unreported { message: error.message(), help: error.help() })?;
         Ok(code)
+    }
+}
+
+/// The last line of a run as JSON.
+#[derive(Serialize)]
+struct Ended<'a> {
+    #[serde(flatten)]
+    event: &'a Event,
+    /// Where the report is.
+    report: Option<&'a Path>,
+    /// Why there is none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    report_error: Option<String>,
+}
+
+impl<'a> Ended<'a> {
+    fn new(event: &'a Event, page: &'a Result<PathBuf, CliError>) -> Self {
+        let report_error = page.as_ref().err().map(CliError::message);
+        Self { event, report: page.as_deref().ok(), report_error }
     }
 }
 
