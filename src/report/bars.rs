@@ -123,13 +123,15 @@ impl Bars {
                 Outcome::Skipped => vec![format!("{} {}", paint("33", "skipped"), one_line(&node.to_string()))],
                 Outcome::Failed => {
                     let message = plain(error.as_deref().unwrap_or("no reason was given"));
-                    let mut lines = vec![format!("{} {}: {message}", paint("1;31", "failed"), one_line(&node.to_string()))];
+                    let mut lines =
+                        vec![format!("{} {}: {message}", paint("1;31", "failed"), one_line(&node.to_string()))];
                     lines.extend(help.iter().map(|help| format!("  help: {}", plain(help))));
                     lines
                 }
             },
             Event::Warning { node, message } => {
-                let place = node.as_ref().map_or_else(String::new, |node| format!("`{}`: ", one_line(&node.to_string())));
+                let place =
+                    node.as_ref().map_or_else(String::new, |node| format!("`{}`: ", one_line(&node.to_string())));
                 vec![format!("{}: {place}{}", paint("33", "warning"), plain(message))]
             }
             Event::Run { status, wall_s, .. } => vec![summary(&self.state.counts, *status, *wall_s)],
