@@ -229,6 +229,8 @@ pub struct Context<'a> {
     pub seed: u64,
     /// Called with what is done and what there is to do.
     pub progress: &'a (dyn Fn(u64, u64) + Sync),
+    /// Called with what is odd about the work, but no reason to fail: a fragment that says what and what helps.
+    pub warn: &'a (dyn Fn(String) + Sync),
     /// Tells whether to stop at the next safe point.
     pub cancelled: &'a (dyn Fn() -> bool + Sync),
 }

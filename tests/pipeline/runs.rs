@@ -75,6 +75,17 @@ fn a_stage_with_a_seed_of_its_own_reruns_alone_with_what_hangs_on_it() {
 }
 
 #[test]
+fn what_a_stage_finds_odd_is_said_and_on_record() {
+    let place = Place::new();
+    let seen = place.run(&pipeline(HOMES, &["model.odd=much ado"]));
+    let mut state = RunState::default();
+    seen.events.iter().for_each(|event| state.apply(event));
+    let expected = ["`model/epoch-01`: much ado", "`model/epoch-02`: much ado", "`model/epoch-03`: much ado"];
+    assert_eq!(state.warnings, expected);
+    assert_eq!(seen.report.run.warnings, expected);
+}
+
+#[test]
 fn the_seed_enters_the_recipes_of_those_who_use_it() {
     let place = Place::new();
     place.run(&pipeline(HOMES, &[]));

@@ -69,6 +69,8 @@ pub struct Common {
     hang: bool,
     /// Fails for the member whose map says so.
     fail: String,
+    /// Says that this is odd, and goes on.
+    odd: String,
     /// Panics.
     panic: bool,
     /// Writes something else each time.
@@ -101,6 +103,7 @@ impl Default for Common {
             wait: 0,
             hang: false,
             fail: String::new(),
+            odd: String::new(),
             panic: false,
             random: false,
             file: None,
@@ -130,6 +133,9 @@ impl Toy {
         let common = &self.common;
         assert!(!common.panic, "asked to panic");
         std::thread::sleep(Duration::from_millis(common.wait));
+        if !common.odd.is_empty() {
+            (context.warn)(common.odd.clone());
+        }
         if common.hang {
             while !(context.cancelled)() {
                 std::thread::sleep(Duration::from_millis(2));

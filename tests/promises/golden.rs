@@ -112,7 +112,7 @@ impl Bench {
     }
 
     fn run(&mut self, spec: &StageSpec, stage: &dyn Stage, part: Part, inputs: &Inputs) {
-        let context = Context { store: &self.store, seed: 7, progress: &|_, _| {}, cancelled: &|| false };
+        let context = Context { store: &self.store, seed: 7, progress: &|_, _| {}, warn: &|_| {}, cancelled: &|| false };
         let output = stage.run(part, inputs, &context).unwrap_or_else(|error| panic!("{}: {error}", spec.name));
         let Output::File(file) = output else { panic!("`{}` writes one file", spec.name) };
         self.found.push(format!("{} {} {}", spec.name, spec.version, &file.digest.to_hex()[..16]));

@@ -237,6 +237,7 @@ impl<'a> Scheduler<'a> {
                     let node = self.ledger.graph.tasks[task].name.to_string();
                     (self.sink)(&Event::Progress { node, done, total });
                 }
+                Message::Odd { task, message } => self.warn(Some(task), message),
                 Message::Ended { task, wall_s, result } => {
                     self.running.remove(&task);
                     self.try_again.1 = SOON;

@@ -19,6 +19,7 @@ const EVERY_MS: u64 = 100;
 /// What the thread of a task sends.
 pub(super) enum Message {
     Progress { task: usize, done: u64, total: u64 },
+    Odd { task: usize, message: String },
     Ended { task: usize, wall_s: f64, result: Result<Made, Trouble> },
 }
 
@@ -154,7 +155,11 @@ impl<'a> Assignment<'a> {
             }
         };
         let cancelled = || self.cancelled.load(Ordering::Relaxed);
-        let context = Context { store: self.store, seed: self.seed, progress: &progress, cancelled: &cancelled };
+        let warn = |message: String| {
+            let _ = sender.send(Message::Odd { task: self.task, message });
+        };
+        let context =
+            Context { store: self.store, seed: self.seed, progress: &progress, warn: &warn, cancelled: &cancelled };
         // Nothing of what the stage worked on is looked at afterwards.
         match catch_unwind(AssertUnwindSafe(|| self.stage.run(part, &self.inputs, &context))) {
             Ok(result) => Ok(result?),
