@@ -2,8 +2,9 @@
 
 use trodden::domain::geometry::{Frame, Grid, Meters, Point};
 use trodden::domain::quantize::{ClassCounts, class_weights};
-use trodden::domain::random::Stream;
-use trodden::domain::social::{CostConfig, NavSteps, compare, predicted_cost, social_costs, true_cost};
+use trodden::domain::social::{
+    CostConfig, Draws, NavSteps, Predictor, compare, predicted_cost, social_costs, true_cost,
+};
 
 fn close(found: f64, expected: f64, tolerance: f64) {
     assert!((found - expected).abs() <= tolerance, "{found} instead of {expected}");
@@ -52,23 +53,27 @@ fn equation_3_by_hand() {
         0.0, 0.0,  0.0, 0.0, 0.0,
         0.0, 0.25, 0.0, 0.0, 0.0,
     ]);
-    // Step 0, robot at (2.5, 2.5), the center of row 1, column 2. Of the 13 centers within 2 m of a center in the open,
-    // the one 2 m above lies outside of the grid: 12 are left.
+    // The mean runs over the whole disc, on the lattice of centers that goes on beyond the grid.
+    // Step 0, robot at (2.5, 2.5), the center of row 1, column 2. There are 13 centers within 2 m: itself, 4 at 1 m, 4 at
+    // √2 m, 4 at 2 m, of which the one 2 m above, (2.5, 4.5), lies outside of the grid. It counts with 0.
     //   (2.5, 2.5), at 0 m:               0.5·e^0                      = 0.5
     //   (4.5, 2.5), at 2 m:               1·e^(−4/2)                   = 0.1353352832
     //   (1.5, 0.5), at √(1 + 4) > 2 m:    not within δ
-    //   mean: 0.6353352832/12                                          = 0.0529446069
-    // Step 1, robot at (2, 1), a corner of four cells. Of the 12 centers within 2 m (√(0.5² + 0.5²) = 0.707: 4 of them,
-    // √(0.5² + 1.5²) = 1.581: 8), those of y = −0.5, two, lie outside: 10 are left.
+    //   mean: 0.6353352832/13                                          = 0.0488719449
+    // Step 1, robot at (2, 1), a corner of four cells. There are 12 centers within 2 m: √(0.5² + 0.5²) = 0.707: 4 of them,
+    // √(0.5² + 1.5²) = 1.581: 8, of which the two of y = −0.5 lie outside.
     //   (2.5, 2.5), at √(0.25 + 2.25):    0.5·e^(−2.5/2)               = 0.5·0.2865047969 = 0.1432523984
     //   (1.5, 0.5), at √(0.25 + 0.25):    0.25·e^(−0.5/2)              = 0.25·0.7788007831 = 0.1947001958
     //   (4.5, 2.5), at √(6.25 + 2.25):    not within δ
-    //   mean: 0.3379525942/10                                          = 0.0337952594
-    // Sum: 0.0867398663
+    //   mean: 0.3379525942/12                                          = 0.0281627162
+    // Sum: 0.0770346611
     let robot = [Point::new(2.5, 2.5), Point::new(2.0, 1.0)];
-    close(predicted_cost(&robot[..1], &heat, &frame, &paper()), 0.052_944_606_9, 1e-10);
-    close(predicted_cost(&robot[1..], &heat, &frame, &paper()), 0.033_795_259_4, 1e-10);
-    close(predicted_cost(&robot, &heat, &frame, &paper()), 0.086_739_866_3, 1e-10);
+    close(predicted_cost(&robot[..1], &heat, &frame, &paper()), 0.048_871_944_9, 1e-10);
+    close(predicted_cost(&robot[1..], &heat, &frame, &paper()), 0.028_162_716_2, 1e-10);
+    close(predicted_cost(&robot, &heat, &frame, &paper()), 0.077_034_661_1, 1e-10);
+
+    // Far outside, where the disc holds no cell of the grid at all, there is nothing to add up.
+    close(predicted_cost(&[Point::new(-7.0, 30.0)], &heat, &frame, &paper()), 0.0, 0.0);
 }
 
 #[test]
@@ -80,18 +85,26 @@ fn costs_of_an_episode_join_both_equations() {
         robot: vec![Point::new(x, 0.5)],
         pedestrians: vec![vec![Point::new(pedestrian, 0.5)]],
     };
-    // The robot on the hot cell and on the left one; all three centers are within δ of either.
-    // Truth: e^0 and e^(−1/2). Prediction: 1/3 and e^(−1/2)/3 = 0.2021768866.
+    // The robot on the hot cell and on the left one, at centers: 13 centers are within δ of either.
+    // Truth: e^0 and e^(−1/2). Prediction: 1/13 = 0.0769230769 and e^(−1/2)/13 = 0.0466562046.
+    // Constant heat: (1 + 2·e^(−1/2))/13 = 0.1702354861 and (1 + e^(−1/2) + e^(−2))/13 = 0.1339896879.
     let episodes = [episode(4, 1.5, 1.5), episode(9, 0.5, 1.5)];
-    let mut stream = Stream::new(1, &[0; 32], 0, "cost/chance");
-    let costs = social_costs(&episodes, &heat, &frame, &paper(), &mut stream).expect("costs");
-    let [first, second] = costs.episodes[..] else { panic!("two episodes") };
+    let constant = Grid::filled(1, 3, 1.0);
+    let heats = [(Predictor::Model, &heat), (Predictor::Constant, &constant)];
+    let draws = Draws { seed: 1, input: &[0; 32] };
+    let costs = social_costs(&episodes, &heats, &frame, &paper(), &draws).expect("costs");
+    let flat = costs.of(Predictor::Constant).expect("it was asked for");
+    close(flat.episodes[0].prediction, 0.170_235_486_1, 1e-9);
+    close(flat.episodes[1].prediction, 0.133_989_687_9, 1e-9);
+    assert_eq!(costs.of(Predictor::Oracle), None);
+    let model = costs.of(Predictor::Model).expect("it was asked for");
+    let [first, second] = model.episodes[..] else { panic!("two episodes") };
     assert_eq!((first.episode, first.truth_rank, first.prediction_rank, first.offset), (4, 2.0, 2.0, 0.0));
     assert_eq!((second.episode, second.truth_rank, second.prediction_rank, second.offset), (9, 1.0, 1.0, 0.0));
     close(first.truth, 1.0, 1e-12);
     close(second.truth, 0.606_530_659_7, 1e-10);
-    close(first.prediction, 1.0 / 3.0, 1e-12);
-    close(second.prediction, 0.202_176_886_6, 1e-10);
+    close(first.prediction, 1.0 / 13.0, 1e-12);
+    close(second.prediction, 0.046_656_204_6, 1e-10);
 }
 
 #[test]
@@ -100,18 +113,17 @@ fn rank_offsets_by_hand() {
     // Predictions 3, 9, 1, 9, 2 have        3, 4.5, 1,   4.5, 2.
     // Offsets |difference|/5: 0.2, 0.2, 0.5, 0.1, 0.2, of which four of five are at most 0.25.
     let costs = [(0, 1.0, 3.0), (1, 2.0, 9.0), (2, 2.0, 1.0), (3, 5.0, 9.0), (4, 0.0, 2.0)];
-    let mut stream = Stream::new(1, &[0; 32], 0, "cost/chance");
-    let compared = compare(&costs, &mut stream).expect("costs");
+    let compared = compare(Predictor::Model, &costs, &Draws { seed: 1, input: &[0; 32] }).expect("costs");
     for (found, expected) in compared.episodes.iter().zip([0.2, 0.2, 0.5, 0.1, 0.2]) {
         close(found.offset, expected, 1e-12);
     }
-    close(compared.within_quarter, 0.8, 1e-12);
+    close(compared.within_quarter.value, 0.8, 1e-12);
     // Around the mean rank 3 the truths have −1, 0.5, 0.5, 2, −2 and the predictions 0, 1.5, −2, 1.5, −1.
     // Products: 0 + 0.75 − 1 + 3 + 2 = 4.75; squares: 1 + 0.25 + 0.25 + 4 + 4 = 9.5 and 0 + 2.25 + 4 + 2.25 + 1 = 9.5.
-    close(compared.spearman.expect("differ"), 0.5, 1e-12);
+    close(compared.spearman.expect("differ").value, 0.5, 1e-12);
     // Ten pairs; (1, 2) ties by truth, (1, 3) by prediction. Of the other eight (0, 2), (2, 4) disagree and
     // (0, 1), (0, 3), (0, 4), (1, 4), (2, 3), (3, 4) agree: τ-b = (6 − 2)/√(9·9).
-    close(compared.kendall.expect("differ"), 4.0 / 9.0, 1e-12);
+    close(compared.kendall.expect("differ").value, 4.0 / 9.0, 1e-12);
 }
 
 #[test]

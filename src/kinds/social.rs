@@ -1,62 +1,108 @@
-//! `SocialCosts`: one row per episode.
+//! `SocialCosts`: one row per predictor and episode.
 //!
-//! `episode` u32; `truth`, `prediction` (eq. 2 and 3), `truth_rank`, `prediction_rank`, `offset` f64. Then what belongs to
-//! the map, the same in all rows: `within_quarter`, `chance`, `chance_at_least`, `spearman`, `kendall` f64; the last two
-//! are null where they are not defined.
+//! `predictor` text (`model`, `constant`, `oracle`); `episode` u32; `truth`, `prediction` (eq. 2 and 3), `truth_rank`,
+//! `prediction_rank`, `offset` f64. Then what belongs to the predictor on this map, the same in all its rows:
+//! `within_quarter`, `within_quarter_low`, `within_quarter_high`, `chance`, `chance_at_least`, and likewise `spearman` and
+//! `kendall` with their ends f64; these are null where they are not defined. `_low` and `_high` are the ends of 95 %
+//! intervals by the percentile bootstrap over episodes.
 
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Float64Array, UInt32Array};
+use arrow::array::{ArrayRef, Float64Array, StringArray, UInt32Array};
 use arrow::datatypes::{DataType, Float64Type, UInt32Type};
 
 use super::parquet::{Column, Layout, Table, wrong_value};
 use super::{KindError, SingleFile};
-use crate::domain::social::{EpisodeCost, SocialCosts};
+use crate::domain::social::{EpisodeCost, Estimate, Predictor, PredictorCosts, SocialCosts};
 
 const KIND: &str = "SocialCosts";
+/// The columns of an estimate are its name alone and with these endings.
+const ENDS: [&str; 3] = ["", "_low", "_high"];
 
 fn columns() -> Vec<Column> {
-    let number = |name: &'static str| Column::new(name, DataType::Float64);
-    let mut columns = vec![Column::new("episode", DataType::UInt32)];
+    let number = |name: &str| Column::new(name, DataType::Float64);
+    let estimate = |name: &'static str| ENDS.map(|end| Column::new(format!("{name}{end}"), DataType::Float64));
+    let mut columns = vec![Column::new("predictor", DataType::Utf8), Column::new("episode", DataType::UInt32)];
     columns.extend(["truth", "prediction", "truth_rank", "prediction_rank", "offset"].map(number));
-    columns.extend(["within_quarter", "chance", "chance_at_least"].map(number));
-    columns.extend(["spearman", "kendall"].map(|name| number(name).nullable()));
+    columns.extend(estimate("within_quarter"));
+    columns.extend(["chance", "chance_at_least"].map(number));
+    columns.extend(["spearman", "kendall"].into_iter().flat_map(estimate).map(Column::nullable));
     columns
 }
 
+/// A row: what belongs to the predictor, and to the episode.
+type Row<'a> = (&'a PredictorCosts, &'a EpisodeCost);
+
 impl SingleFile for SocialCosts {
     const NAME: &'static str = KIND;
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
-        let numbers = |value: fn(&EpisodeCost) -> f64| -> ArrayRef {
-            Arc::new(Float64Array::from_iter_values(self.episodes.iter().map(value)))
+        let of = |costs| move |episode| (costs, episode);
+        let rows: Vec<Row> = self.predictors.iter().flat_map(|costs| costs.episodes.iter().map(of(costs))).collect();
+        let episodes = |value: fn(&EpisodeCost) -> f64| -> ArrayRef {
+            Arc::new(Float64Array::from_iter_values(rows.iter().map(|row| value(row.1))))
         };
-        let of_map = |figure: Option<f64>| -> ArrayRef {
-            Arc::new(vec![figure; self.episodes.len()].into_iter().collect::<Float64Array>())
+        let figures = |value: &dyn Fn(&PredictorCosts) -> Option<f64>| -> ArrayRef {
+            Arc::new(rows.iter().map(|row| value(row.0)).collect::<Float64Array>())
         };
-        Layout::new(KIND, <Self as SingleFile>::FORMAT, columns()).bytes(vec![
-            Arc::new(UInt32Array::from_iter_values(self.episodes.iter().map(|episode| episode.episode))),
-            numbers(|e| e.truth),
-            numbers(|e| e.prediction),
-            numbers(|e| e.truth_rank),
-            numbers(|e| e.prediction_rank),
-            numbers(|e| e.offset),
-            of_map(Some(self.within_quarter)),
-            of_map(Some(self.chance)),
-            of_map(Some(self.chance_at_least)),
-            of_map(self.spearman),
-            of_map(self.kendall),
-        ])
+        let estimate = |value: fn(&PredictorCosts) -> Option<Estimate>| -> [ArrayRef; 3] {
+            let parts: [fn(Estimate) -> f64; 3] = [|e| e.value, |e| e.low, |e| e.high];
+            parts.map(|part| figures(&|costs| value(costs).map(part)))
+        };
+        let mut arrays: Vec<ArrayRef> = vec![
+            Arc::new(StringArray::from_iter_values(rows.iter().map(|row| row.0.predictor.name()))),
+            Arc::new(UInt32Array::from_iter_values(rows.iter().map(|row| row.1.episode))),
+            episodes(|e| e.truth),
+            episodes(|e| e.prediction),
+            episodes(|e| e.truth_rank),
+            episodes(|e| e.prediction_rank),
+            episodes(|e| e.offset),
+        ];
+        arrays.extend(estimate(|costs| Some(costs.within_quarter)));
+        arrays.extend([figures(&|costs| Some(costs.chance)), figures(&|costs| Some(costs.chance_at_least))]);
+        arrays.extend(estimate(|costs| costs.spearman));
+        arrays.extend(estimate(|costs| costs.kendall));
+        Layout::new(KIND, <Self as SingleFile>::FORMAT, columns()).bytes(arrays)
     }
 
     fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
         let table = Table::open(KIND, <Self as SingleFile>::FORMAT, bytes)?;
         table.expect(&columns())?;
-        let episode = table.numbers::<UInt32Type>("episode")?;
-        if episode.is_empty() {
+        let columns = Columns::read(&table)?;
+        let mut predictors: Vec<PredictorCosts> = Vec::new();
+        for row in 0..columns.names.len() {
+            let name = &columns.names[row];
+            if predictors.last().is_none_or(|last| last.predictor.name() != name) {
+                let known = Predictor::ALL.into_iter().find(|predictor| predictor.name() == name);
+                let new = known.filter(|known| predictors.iter().all(|costs| costs.predictor != *known));
+                let expected = "`model`, `constant` or `oracle`, each in rows that follow each other";
+                let predictor = new.ok_or_else(|| wrong_value(KIND, "predictor", row, name, expected))?;
+                predictors.push(columns.predictor(predictor, row)?);
+            }
+            predictors.last_mut().expect("just pushed").episodes.push(columns.episode(row));
+        }
+        if predictors.is_empty() {
             return Err(KindError::Rows { kind: KIND, found: 0, expected: 1 });
         }
+        Ok(Self { predictors })
+    }
+}
+
+/// The columns of a file; where an estimate is not defined, all three parts are absent.
+struct Columns {
+    names: Vec<String>,
+    episodes: Vec<u32>,
+    /// Truth, prediction, their ranks and the offset.
+    costs: [Vec<f64>; 5],
+    within_quarter: [Vec<Option<f64>>; 3],
+    chance: [Vec<f64>; 2],
+    spearman: [Vec<Option<f64>>; 3],
+    kendall: [Vec<Option<f64>>; 3],
+}
+
+impl Columns {
+    fn read(table: &Table) -> Result<Self, KindError> {
         let numbers = |name: &str| -> Result<Vec<f64>, KindError> {
             let values = table.numbers::<Float64Type>(name)?;
             match values.iter().position(|value| !(value.is_finite() && *value >= 0.0)) {
@@ -64,26 +110,66 @@ impl SingleFile for SocialCosts {
                 Some(row) => Err(wrong_value(KIND, name, row, values[row], "a finite number from 0")),
             }
         };
-        let (truth, prediction) = (numbers("truth")?, numbers("prediction")?);
-        let (truth_rank, prediction_rank) = (numbers("truth_rank")?, numbers("prediction_rank")?);
-        let offset = numbers("offset")?;
-        let figure = |name: &str| table.optional::<Float64Type>(name).map(|values| values[0]);
+        let figures = |name: &str, is_needed: bool| -> Result<Vec<Option<f64>>, KindError> {
+            let values = if is_needed {
+                table.numbers::<Float64Type>(name)?.into_iter().map(Some).collect()
+            } else {
+                table.optional::<Float64Type>(name)?
+            };
+            let wrong = |value: &Option<f64>| value.is_some_and(|value| !(-1.0..=1.0).contains(&value));
+            match values.iter().position(wrong) {
+                None => Ok(values),
+                Some(row) => {
+                    let value = values[row].expect("what is wrong is there");
+                    Err(wrong_value(KIND, name, row, value, "a figure from −1 to 1"))
+                }
+            }
+        };
+        let estimate = |name: &str, is_needed: bool| -> Result<[Vec<Option<f64>>; 3], KindError> {
+            let [value, low, high] = ENDS.map(|end| figures(&format!("{name}{end}"), is_needed));
+            Ok([value?, low?, high?])
+        };
         Ok(Self {
-            episodes: (0..episode.len())
-                .map(|i| EpisodeCost {
-                    episode: episode[i],
-                    truth: truth[i],
-                    prediction: prediction[i],
-                    truth_rank: truth_rank[i],
-                    prediction_rank: prediction_rank[i],
-                    offset: offset[i],
-                })
-                .collect(),
-            within_quarter: numbers("within_quarter")?[0],
-            chance: numbers("chance")?[0],
-            chance_at_least: numbers("chance_at_least")?[0],
-            spearman: figure("spearman")?,
-            kendall: figure("kendall")?,
+            names: table.texts("predictor")?,
+            episodes: table.numbers::<UInt32Type>("episode")?,
+            costs: [
+                numbers("truth")?,
+                numbers("prediction")?,
+                numbers("truth_rank")?,
+                numbers("prediction_rank")?,
+                numbers("offset")?,
+            ],
+            within_quarter: estimate("within_quarter", true)?,
+            chance: [numbers("chance")?, numbers("chance_at_least")?],
+            spearman: estimate("spearman", false)?,
+            kendall: estimate("kendall", false)?,
         })
+    }
+
+    /// Returns what belongs to a predictor, from its first row.
+    fn predictor(&self, predictor: Predictor, row: usize) -> Result<PredictorCosts, KindError> {
+        let estimate = |name: &str, columns: &[Vec<Option<f64>>; 3]| -> Result<Option<Estimate>, KindError> {
+            match [columns[0][row], columns[1][row], columns[2][row]] {
+                [Some(value), Some(low), Some(high)] => Ok(Some(Estimate { value, low, high })),
+                [None, None, None] => Ok(None),
+                _ => Err(wrong_value(KIND, name, row, "null", "a figure with both ends of its interval")),
+            }
+        };
+        let within_quarter = estimate("within_quarter", &self.within_quarter)?;
+        Ok(PredictorCosts {
+            predictor,
+            episodes: Vec::new(),
+            within_quarter: within_quarter.expect("a column without gaps"),
+            chance: self.chance[0][row],
+            chance_at_least: self.chance[1][row],
+            spearman: estimate("spearman", &self.spearman)?,
+            kendall: estimate("kendall", &self.kendall)?,
+        })
+    }
+
+    fn episode(&self, row: usize) -> EpisodeCost {
+        let [truth, prediction, truth_rank, prediction_rank, offset] =
+            [0, 1, 2, 3, 4].map(|column: usize| self.costs[column][row]);
+        EpisodeCost { episode: self.episodes[row], truth, prediction, truth_rank, prediction_rank, offset }
     }
 }

@@ -178,6 +178,18 @@ impl Table {
         self.whole(values)
     }
 
+    /// Reads one column of text.
+    ///
+    /// # Errors
+    /// [`KindError`] if it is absent, of another type, damaged or has gaps.
+    pub fn texts(&self, name: &str) -> Result<Vec<String>, KindError> {
+        let mut values = Vec::new();
+        for batch in self.batches(&[Column::new(name, DataType::Utf8)])? {
+            values.extend(batch?.arrays[0].as_string::<i32>().iter().flatten().map(str::to_owned));
+        }
+        self.whole(values)
+    }
+
     /// Checks that a column is as long as the file claims.
     fn whole<T>(&self, values: Vec<T>) -> Result<Vec<T>, KindError> {
         let (found, expected) = (values.len(), self.rows());
