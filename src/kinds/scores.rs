@@ -1,10 +1,11 @@
 //! `ClassScores`: one row per cell of the confusion matrix, by true class 1 to C and predicted class 0 to C.
 //!
-//! `truth`, `predicted` i8; `cells` u64; `share` f64 (of the true class's cells) and `scaled` f64 (by class weights, all
-//! rows sum to 1). Then what belongs to the true class, the same in all its rows: `weight`, `iou`, `recall` f64. Then what
-//! belongs to the map, the same in all rows, so that one `SELECT DISTINCT auc FROM …` over files compares maps:
-//! `mean_recall`, `quadratic_kappa`, `adjacent_errors`, `spearman_visits`, `spearman_classes`, `auc`,
-//! `auc_wall_distance`, `auc_farther_from_walls` f64. A figure that is not defined is null.
+//! `truth`, `predicted` i8; `cells` u64; `share` f64 (of the true class's cells) and `scaled` f64 (by the class weights of
+//! the training, all rows sum to 1). Then what belongs to the true class, the same in all its rows: `weight`, `iou`,
+//! `recall` f64. Then what belongs to the map, the same in all rows, so that one `SELECT DISTINCT auc FROM …` over files
+//! compares maps: `mean_recall`, `quadratic_kappa`, `adjacent_errors`, `spearman_visits`, `spearman_classes`, `auc`,
+//! `auc_wall_distance`, `auc_farther_from_walls`, `spearman_wall_distance`, `spearman_farther_from_walls` f64. A figure
+//! that is not defined is null; `scaled` and `weight` are where the model is not known.
 
 use std::sync::Arc;
 
@@ -27,8 +28,8 @@ fn columns() -> Vec<Column> {
         Column::new("predicted", DataType::Int8),
         Column::new("cells", DataType::UInt64),
         Column::new("share", DataType::Float64),
-        Column::new("scaled", DataType::Float64),
-        Column::new("weight", DataType::Float64),
+        Column::new("scaled", DataType::Float64).nullable(),
+        Column::new("weight", DataType::Float64).nullable(),
     ];
     let figures = [
         "iou",
@@ -41,6 +42,8 @@ fn columns() -> Vec<Column> {
         "auc",
         "auc_wall_distance",
         "auc_farther_from_walls",
+        "spearman_wall_distance",
+        "spearman_farther_from_walls",
     ];
     columns.extend(figures.iter().map(|name| Column::new(*name, DataType::Float64).nullable()));
     columns
@@ -48,12 +51,15 @@ fn columns() -> Vec<Column> {
 
 impl SingleFile for ClassScores {
     const NAME: &'static str = KIND;
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
         let confusion = &self.confusion;
         let cells: Vec<Cell> = confusion.counts().cells().collect();
-        let by_cell = |grid: Grid<f64>| -> ArrayRef { Arc::new(Float64Array::from(grid.into_vec())) };
+        let by_cell = |grid: Option<Grid<f64>>| -> ArrayRef {
+            let absent = || Float64Array::new_null(cells.len());
+            Arc::new(grid.map_or_else(absent, |grid| Float64Array::from(grid.into_vec())))
+        };
         let by_class = |figures: Vec<Option<f64>>| -> ArrayRef {
             Arc::new(cells.iter().map(|cell| figures[cell.row]).collect::<Float64Array>())
         };
@@ -61,12 +67,13 @@ impl SingleFile for ClassScores {
             Arc::new(vec![figure; cells.len()].into_iter().collect::<Float64Array>())
         };
         let class = |number: usize| i8::try_from(number).expect("at most 16 classes");
-        let weights = self.weights.iter().skip(1).map(|weight| Some(*weight)).collect();
+        let weight = |class: usize| self.weights.as_ref().map(|weights| weights[class]);
+        let weights = (1..=usize::from(confusion.classes())).map(weight).collect();
         let arrays: Vec<ArrayRef> = vec![
             Arc::new(Int8Array::from_iter_values(cells.iter().map(|cell| class(cell.row + 1)))),
             Arc::new(Int8Array::from_iter_values(cells.iter().map(|cell| class(cell.col)))),
             Arc::new(UInt64Array::from(confusion.counts().as_slice().to_vec())),
-            by_cell(confusion.row_normalized()),
+            by_cell(Some(confusion.row_normalized())),
             by_cell(self.scaled()),
             by_class(weights),
             by_class(confusion.iou()),
@@ -79,12 +86,15 @@ impl SingleFile for ClassScores {
             of_map(self.auc),
             of_map(self.auc_wall_distance()),
             of_map(self.auc_farther_from_walls),
+            of_map(self.spearman_wall_distance()),
+            of_map(self.spearman_farther_from_walls),
         ];
-        let obstacle = self.weights.first().copied().unwrap_or_default();
-        Layout::new(KIND, <Self as SingleFile>::FORMAT, columns())
-            .with("classes", confusion.classes())
-            .with("obstacle_weight", obstacle)
-            .bytes(arrays)
+        let mut layout =
+            Layout::new(KIND, <Self as SingleFile>::FORMAT, columns()).with("classes", confusion.classes());
+        if let Some(obstacle) = weight(0) {
+            layout = layout.with("obstacle_weight", obstacle);
+        }
+        layout.bytes(arrays)
     }
 
     fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
@@ -106,7 +116,11 @@ impl SingleFile for ClassScores {
         if let Some(i) = cells.iter().position(|cells| *cells > MOST_CELLS) {
             return Err(wrong_value(KIND, "cells", i, cells[i], "a number of cells"));
         }
-        let weights = table.numbers::<Float64Type>("weight")?;
+        let weights: Option<Vec<f64>> = table.optional::<Float64Type>("weight")?.into_iter().step_by(wide).collect();
+        let weights = match weights {
+            None => None,
+            Some(weights) => Some(std::iter::once(table.finite("obstacle_weight")?).chain(weights).collect()),
+        };
         let of_map = |name: &str| -> Result<Option<f64>, KindError> {
             let figure = table.optional::<Float64Type>(name)?[0];
             match figure {
@@ -118,13 +132,12 @@ impl SingleFile for ClassScores {
         };
         Ok(Self {
             confusion: Confusion::from_counts(Grid::from_vec(count.into(), wide, cells)),
-            weights: std::iter::once(table.finite("obstacle_weight")?)
-                .chain(weights.into_iter().step_by(wide))
-                .collect(),
+            weights,
             spearman_visits: of_map("spearman_visits")?,
             spearman_classes: of_map("spearman_classes")?,
             auc: of_map("auc")?,
             auc_farther_from_walls: of_map("auc_farther_from_walls")?,
+            spearman_farther_from_walls: of_map("spearman_farther_from_walls")?,
         })
     }
 }

@@ -8,7 +8,7 @@ use super::{Definition, kind, read, write};
 use crate::domain::quantize::Labels;
 use crate::domain::raster::VisitCounts;
 use crate::domain::score::{ClassScores, Scored, score};
-use crate::kinds::{Heat, Placed, outline};
+use crate::kinds::{Checkpoint, Heat, Placed, outline};
 use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Part, Port, Stage, StageError, StageSpec};
 use crate::store::Store;
 
@@ -20,7 +20,7 @@ pub struct Score {}
 impl Definition for Score {
     const SPEC: StageSpec = StageSpec {
         name: "score",
-        version: 1,
+        version: 2,
         ports: &[
             Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "The prediction." },
             Port { name: "labels", kind: "Labels", arity: Arity::One, doc: "The truth in classes." },
@@ -29,6 +29,12 @@ impl Definition for Score {
                 kind: "VisitCounts",
                 arity: Arity::Optional,
                 doc: "The truth in counts, for Spearman's correlation.",
+            },
+            Port {
+                name: "model",
+                kind: "Checkpoint",
+                arity: Arity::Optional,
+                doc: "The model that the prediction is of: its class weights scale the confusion matrix (fig. 2).",
             },
         ],
         output: kind::<ClassScores>(),
@@ -56,12 +62,15 @@ impl Stage for Score {
         if let Some(visits) = &visits {
             super::same_frame("heat", &heat.frame, "visits", &visits.frame)?;
         }
+        let model: Option<Checkpoint> =
+            inputs.maybe("model").map(|artifact| read(context, artifact)).transpose()?.map(|(model, _)| model);
+        let weights = model.map(|model| model.config.class_weights());
         let scored = Scored {
             heat: &heat.value.heat,
             predicted: &heat.value.classes,
             labels: &labels.value,
             visits: visits.as_ref().map(|visits| &visits.value),
-            weights: None,
+            weights: weights.as_deref(),
         };
         let scores = score(&scored).map_err(StageError::failed)?;
         write(context, &scores)

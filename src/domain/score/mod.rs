@@ -8,7 +8,7 @@ pub use rank::{auc, kendall, ranks, spearman};
 
 use super::geometry::Grid;
 use super::map::squared_distances;
-use super::quantize::{Labels, OBSTACLE, class_weights};
+use super::quantize::{Labels, OBSTACLE};
 use super::raster::VisitCounts;
 
 /// What keeps a prediction from being scored.
@@ -35,7 +35,8 @@ pub struct Scored<'a> {
     pub labels: &'a Labels,
     /// True visits, where they are at hand.
     pub visits: Option<&'a VisitCounts>,
-    /// Class weights 0 to C that scale the confusion matrix; those of the labels' own cells if there are none.
+    /// Class weights 0 to C that scale the confusion matrix: those that the model was trained with. Weights of the labels'
+    /// own cells would only norm its rows.
     pub weights: Option<&'a [f64]>,
 }
 
@@ -44,8 +45,8 @@ pub struct Scored<'a> {
 pub struct ClassScores {
     /// Cells by true and predicted class.
     pub confusion: Confusion,
-    /// Class weights 0 to C that [`scaled`](Self::scaled) uses.
-    pub weights: Vec<f64>,
+    /// Class weights 0 to C that [`scaled`](Self::scaled) uses, if the model is known.
+    pub weights: Option<Vec<f64>>,
     /// Spearman's ρ of heat and visits.
     pub spearman_visits: Option<f64>,
     /// Spearman's ρ of heat and class.
@@ -55,20 +56,30 @@ pub struct ClassScores {
     /// The same area for the distance to the nearest blocked cell, farther standing for a higher class; see
     /// [`auc_wall_distance`](Self::auc_wall_distance).
     pub auc_farther_from_walls: Option<f64>,
+    /// Spearman's ρ of the distance to the nearest blocked cell and visits, or class where there are no visits; see
+    /// [`spearman_wall_distance`](Self::spearman_wall_distance).
+    pub spearman_farther_from_walls: Option<f64>,
 }
 
 impl ClassScores {
-    /// Computes the confusion matrix scaled by the class weights, with entries that sum to 1 (fig. 2).
+    /// Computes the confusion matrix scaled by the weights of the training, with entries that sum to 1 (fig. 2).
     #[must_use]
-    pub fn scaled(&self) -> Grid<f64> {
-        self.confusion.scaled(&self.weights)
+    pub fn scaled(&self) -> Option<Grid<f64>> {
+        self.weights.as_ref().map(|weights| self.confusion.scaled(weights))
     }
 
     /// Returns the area under the ROC curve of the distance to the nearest wall in the direction that suits this map
-    /// better, at least ½: a baseline that is allowed to see the truth, so the strictest to be held against.
+    /// better, at least ½: a baseline that knows the walls, and of the truth only which direction to take. It is a weak one
+    /// where people keep to the middle of corridors but cross rooms anywhere; a smoothed map or shortest paths do better.
     #[must_use]
     pub fn auc_wall_distance(&self) -> Option<f64> {
         self.auc_farther_from_walls.map(|farther| farther.max(1.0 - farther))
+    }
+
+    /// Returns Spearman's ρ of the distance to the nearest wall in the direction that suits this map better, at least 0.
+    #[must_use]
+    pub fn spearman_wall_distance(&self) -> Option<f64> {
+        self.spearman_farther_from_walls.map(f64::abs)
     }
 }
 
@@ -83,8 +94,7 @@ pub fn score(input: &Scored<'_>) -> Result<ClassScores, ScoreError> {
     if let Some(visits) = input.visits {
         check_size("grid of visits", &visits.counts, labels)?;
     }
-    let weights = input.weights.map_or_else(|| class_weights(&labels.class_counts()), <[f64]>::to_vec);
-    if weights.len() != usize::from(labels.count) + 1 {
+    if let Some(weights) = input.weights.filter(|weights| weights.len() != usize::from(labels.count) + 1) {
         return Err(ScoreError::Weights { found: weights.len(), classes: labels.count });
     }
     let classes = labels.classes.as_slice();
@@ -106,15 +116,17 @@ pub fn score(input: &Scored<'_>) -> Result<ClassScores, ScoreError> {
     let frequent: Vec<bool> = labeled.iter().map(|i| classes[*i] >= 2).collect();
     // Any increasing function of the distance ranks the cells alike, so its square in cells will do.
     let walls = squared_distances(&labels.classes.map(|class| *class != OBSTACLE));
+    let walls = pick(&|i| walls.as_slice()[i]);
+    let visits = input.visits.map(|visits| pick(&|i| f64::from(visits.counts.as_slice()[i])));
+    let levels = pick(&|i| f64::from(classes[i]));
     Ok(ClassScores {
         confusion,
-        weights,
-        spearman_visits: input
-            .visits
-            .and_then(|visits| spearman(&heat, &pick(&|i| f64::from(visits.counts.as_slice()[i])))),
-        spearman_classes: spearman(&heat, &pick(&|i| f64::from(classes[i]))),
+        weights: input.weights.map(<[f64]>::to_vec),
+        spearman_visits: visits.as_ref().and_then(|visits| spearman(&heat, visits)),
+        spearman_classes: spearman(&heat, &levels),
         auc: auc(&heat, &frequent),
-        auc_farther_from_walls: auc(&pick(&|i| walls.as_slice()[i]), &frequent),
+        auc_farther_from_walls: auc(&walls, &frequent),
+        spearman_farther_from_walls: spearman(&walls, visits.as_ref().unwrap_or(&levels)),
     })
 }
 
@@ -157,6 +169,12 @@ mod tests {
         // 2 of 4 wins over 7, the other 2 tie with 7: (2·7 + 2·7/2)/(4·7).
         assert_eq!(scores.auc_farther_from_walls, Some(0.75));
         assert_eq!(scores.auc_wall_distance(), Some(0.75));
+        // Around the mean rank 6, the distances have −1 nine times and 4.5 twice, the visits −2 seven times, 3 three times
+        // and 5. Products: 4.5·5 + 4.5·3 + (7·2 − 2·3) = 44; squares: 9 + 2·20.25 = 49.5 and 28 + 27 + 25 = 80.
+        let expected = 44.0 / (49.5f64 * 80.0).sqrt();
+        assert!((scores.spearman_wall_distance().expect("distances differ") - expected).abs() < 1e-12);
+        // The model is not known, so neither are the weights that it was trained with.
+        assert_eq!(scores.scaled(), None);
     }
 
     #[test]
@@ -178,6 +196,11 @@ mod tests {
         assert_eq!(scores.confusion.recall(), [Some(0.0), Some(1.0), Some(0.0)]);
         assert_eq!((scores.auc, scores.spearman_visits, scores.spearman_classes), (Some(0.5), None, None));
         assert_eq!(scores.confusion.adjacent_errors(), Some(1.0));
+        // 7 cells of class 1 at 0.2, 3 of class 2 at 0.3 and 1 of class 3 at 0.4, all of them in column 2, over their sum 2.7.
+        let scaled = scores.scaled().expect("weights are given");
+        for (class, expected) in [1.4, 0.9, 0.4].into_iter().enumerate() {
+            assert!((scaled.row(class)[2] - expected / 2.7).abs() < 1e-12, "{scaled:?}");
+        }
     }
 
     #[test]

@@ -119,11 +119,12 @@ impl Source<'_> {
             Err(message) => missing("Confusion matrices", &message),
             Ok(found) => {
                 let counts: Grid<f64> = found.confusion.counts().map(|count| *count as f64);
-                let charts = [
+                let mut charts = vec![
                     confusion(&counts, Shade::Counts, "cells"),
                     confusion(&found.confusion.row_normalized(), Shade::Shares, "share of the true class"),
-                    confusion(&found.scaled(), Shade::Relative, "scaled by the class weights"),
                 ];
+                let scaled = found.scaled();
+                charts.extend(scaled.map(|scaled| confusion(&scaled, Shade::Relative, "scaled by the class weights")));
                 Fragment::whole(
                     html! {
                         figure.wide {
