@@ -33,7 +33,7 @@ fn samples() -> Vec<Sample> {
 }
 
 fn encode(samples: &[Sample]) -> Vec<u8> {
-    let mut writer = TrackWriter::new(Vec::new(), Frame::at_zero(0.1, 160, 200), 10.0).expect("a writer");
+    let mut writer = TrackWriter::new(Vec::new(), Frame::at_zero(0.1, 160, 200), 10.0, 0.2).expect("a writer");
     writer.extend(samples).expect("finite and in order");
     writer.finish().expect("memory takes it")
 }

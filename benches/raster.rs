@@ -4,7 +4,7 @@ use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use trodden::domain::geometry::{Frame, Grid, Point};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
-use trodden::domain::raster::{Count, RasterConfig, rasterize};
+use trodden::domain::raster::{Count, Sweep, rasterize};
 use trodden::domain::tracks::Sample;
 
 const PATHS: u32 = 10_000;
@@ -38,9 +38,9 @@ fn bench(criterion: &mut Criterion) {
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
         for count in [Count::Paths, Count::Steps] {
-            let config = RasterConfig { count, ..RasterConfig::default() };
+            let sweep = Sweep { count, radius: 0.2, gap: 1 };
             group.bench_function(format!("{count:?}/{threads} threads"), |bencher| {
-                bencher.iter(|| pool.install(|| rasterize(&map, &samples, &config)));
+                bencher.iter(|| pool.install(|| rasterize(&map, &samples, &sweep)));
             });
         }
     }

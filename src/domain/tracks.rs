@@ -34,6 +34,8 @@ pub fn agent_id(episode: u32, agent: usize) -> i64 {
 pub struct Tracks {
     /// Frames per second.
     pub frame_rate: f64,
+    /// Radius of every agent's disc in meters.
+    pub radius: f64,
     /// Samples ordered by (episode, id, frame).
     pub samples: Vec<Sample>,
 }

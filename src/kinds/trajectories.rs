@@ -1,7 +1,7 @@
 //! `Trajectories`: `episode` u32; `id`, `frame` i64; `x`, `y` f64 and `vx`, `vy` f32 in the map's frame; `path` u32.
 //!
-//! Rows are ordered by episode, id and frame, ids are unique over all episodes of a map, the frame rate is in the
-//! metadata: PedPy reads it as it is. One chunk of episodes is one file, written and read row group by row group; all
+//! Rows are ordered by episode, id and frame, ids are unique over all episodes of a map, the frame rate and the radius of
+//! the agents' discs are in the metadata: PedPy reads it as it is. One chunk of episodes is one file, written and read row group by row group; all
 //! episodes of a map are a bundle `chunk-00.parquet`, `chunk-01.parquet`, … of the same files.
 
 use std::io::Write;
@@ -17,7 +17,9 @@ use crate::domain::tracks::{Sample, Tracks};
 use crate::store::{Artifact, FileRef, Store};
 
 const KIND: &str = "Trajectories";
-const FORMAT: u32 = 1;
+const FORMAT: u32 = 2;
+/// Widest disc in meters that reading accepts.
+const WIDEST: f64 = 10.0;
 
 impl Kind for Placed<Tracks> {
     const NAME: &'static str = KIND;
@@ -25,7 +27,7 @@ impl Kind for Placed<Tracks> {
     const EXTENSION: &'static str = "parquet";
 
     fn write(&self, store: &Store) -> Result<Written, KindError> {
-        let mut writer = TrackWriter::new(store.create()?, self.frame, self.value.frame_rate)?;
+        let mut writer = TrackWriter::new(store.create()?, self.frame, self.value.frame_rate, self.value.radius)?;
         writer.extend(&self.value.samples)?;
         Ok(Written::File(writer.finish()?.finish("")?))
     }
@@ -34,12 +36,12 @@ impl Kind for Placed<Tracks> {
         let mut all: Option<Self> = None;
         for reader in TrackReader::chunks(store, artifact) {
             let reader = reader?;
-            let (frame, frame_rate) = (reader.frame, reader.frame_rate);
-            let whole = all.get_or_insert_with(|| Self::new(frame, Tracks { frame_rate, samples: Vec::new() }));
-            if whole.frame != frame || whole.value.frame_rate != frame_rate {
+            let (frame, frame_rate, radius) = (reader.frame, reader.frame_rate, reader.radius);
+            let whole = all.get_or_insert_with(|| Self::new(frame, Tracks { frame_rate, radius, samples: Vec::new() }));
+            if whole.frame != frame || whole.value.frame_rate != frame_rate || whole.value.radius != radius {
                 return Err(KindError::Shape {
                     kind: KIND,
-                    what: "its chunks differ in frame or frame rate".to_owned(),
+                    what: "its chunks differ in frame, frame rate or radius".to_owned(),
                 });
             }
             for samples in reader {
@@ -93,6 +95,18 @@ pub(super) fn check_rate(kind: &'static str, frame_rate: f64) -> Result<f64, Kin
     }
     let (key, value) = ("frame_rate".to_owned(), frame_rate.to_string());
     Err(KindError::Metadata { kind, key, value, expected: "a positive number of frames per second" })
+}
+
+/// Checks the radius of agents.
+///
+/// # Errors
+/// [`KindError::Metadata`] if it is not above 0 and up to 10 m.
+fn check_radius(radius: f64) -> Result<f64, KindError> {
+    if radius > 0.0 && radius <= WIDEST {
+        return Ok(radius);
+    }
+    let (key, value) = ("radius".to_owned(), radius.to_string());
+    Err(KindError::Metadata { kind: KIND, key, value, expected: "a radius above 0 and up to 10 m" })
 }
 
 /// Columns of tracks that wait to become a row group.
@@ -182,10 +196,12 @@ impl<W: Write + Send> TrackWriter<W> {
     /// Starts a file of tracks on the map with the given frame.
     ///
     /// # Errors
-    /// [`KindError`] if the frame rate (in frames per second) is not positive or the sink fails.
-    pub fn new(sink: W, frame: Frame, frame_rate: f64) -> Result<Self, KindError> {
+    /// [`KindError`] if the frame rate (in frames per second) or the radius of the agents (in meters) is out of range or the
+    /// sink fails.
+    pub fn new(sink: W, frame: Frame, frame_rate: f64, radius: f64) -> Result<Self, KindError> {
         check_rate(KIND, frame_rate)?;
-        let inner = layout(KIND, FORMAT, columns(), &frame, frame_rate).writer(sink)?;
+        let layout = layout(KIND, FORMAT, columns(), &frame, frame_rate).with("radius", check_radius(radius)?);
+        let inner = layout.writer(sink)?;
         Ok(Self { frame, buffer: Buffer::default(), order: Order::new(KIND), inner })
     }
 
@@ -228,6 +244,8 @@ pub struct TrackReader {
     pub frame: Frame,
     /// Frames per second.
     pub frame_rate: f64,
+    /// Radius of every agent's disc in meters.
+    pub radius: f64,
     /// Number of samples in the file.
     pub rows: usize,
     order: Order,
@@ -242,8 +260,9 @@ impl TrackReader {
     pub fn open(bytes: Vec<u8>) -> Result<Self, KindError> {
         let table = Table::open(KIND, FORMAT, bytes)?;
         let frame_rate = check_rate(KIND, table.finite("frame_rate")?)?;
+        let radius = check_radius(table.finite("radius")?)?;
         let batches = table.batches(&columns())?;
-        Ok(Self { frame: table.frame()?, frame_rate, rows: table.rows(), order: Order::new(KIND), batches })
+        Ok(Self { frame: table.frame()?, frame_rate, radius, rows: table.rows(), order: Order::new(KIND), batches })
     }
 
     /// Opens the files of an artifact, a single one or the chunks of a bundle, each when it is its turn.

@@ -21,7 +21,7 @@ pub struct Rasterize(RasterConfig);
 impl Definition for Rasterize {
     const SPEC: StageSpec = StageSpec {
         name: "rasterize",
-        version: 1,
+        version: 2,
         ports: &[
             Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map that the tracks lie on." },
             Port { name: "walks", kind: "Trajectories", arity: Arity::One, doc: "The tracks to count." },
@@ -68,10 +68,19 @@ impl Stage for Rasterize {
             return sum(inputs, context);
         }
         let (map, _): (OccupancyMap, _) = read(context, inputs.one("map"))?;
-        let mut counter = Rasterizer::new(&map, &self.0).map_err(StageError::failed)?;
+        let mut counter: Option<Rasterizer> = None;
         for chunk in TrackReader::chunks(context.store, inputs.one("walks")) {
             let chunk = chunk.map_err(super::kind_failed)?;
             super::same_frame("map", map.frame(), "walks", &chunk.frame)?;
+            // Chunks may come of different crowds: each agent sweeps with a disc of its own size.
+            let sweep = self.0.sweep(chunk.frame_rate, chunk.radius);
+            let counter = match &mut counter {
+                None => counter.insert(Rasterizer::new(&map, &sweep).map_err(StageError::failed)?),
+                Some(counter) => {
+                    counter.go_on(&sweep).map_err(StageError::failed)?;
+                    counter
+                }
+            };
             for samples in chunk {
                 if (context.cancelled)() {
                     return Err(StageError::Cancelled);
@@ -81,7 +90,11 @@ impl Stage for Rasterize {
                 }
             }
         }
-        write(context, &Placed::new(*map.frame(), counter.finish()))
+        let visits = match counter {
+            Some(counter) => counter.finish(),
+            None => VisitCounts::none(map.free().rows(), map.free().cols()),
+        };
+        write(context, &Placed::new(*map.frame(), visits))
     }
 }
 

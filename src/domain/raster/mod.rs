@@ -1,9 +1,14 @@
 //! Visits of each cell: the area that discs sweep (section IV-A of the paper).
 //!
 //! **The rule.** A cell belongs to a disc if its center is at most `radius` from the disc's, and to the area swept
-//! between two consecutive samples of an agent if its center is at most `radius` from the segment between them. Ties
-//! within a nanometer belong to it, so that rounding does not decide about positions that lie on the grid. The way from
-//! the last sample of one leg to the first of the next is part of the later one: a leg starts where the one before ended.
+//! between two joined samples of an agent if its center is at most `radius` from the segment between them. Ties within a
+//! nanometer belong to it, so that rounding does not decide about positions that lie on the grid.
+//!
+//! Two samples are joined if the second is of the very next frame, or, within a leg, at most the largest gap later: where
+//! an agent was lost for longer, nobody knows which way it went. A leg whose first sample is of the very next frame after
+//! the last one of the leg before starts where that one ended, as simulated legs do: a frame carries the leg that led to
+//! it, so the way between the two is part of the later leg, and the place between them of both. Any other leg starts with
+//! its own first sample.
 
 mod capsule;
 
@@ -32,20 +37,28 @@ pub enum Count {
 }
 
 /// Parameters of counting visits.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct RasterConfig {
     /// What is counted: `paths` (each path at most once in a cell) or `steps` (dwell time in time steps).
     pub count: Count,
-    /// Radius of a pedestrian's disc in meters, above 0 and up to 10.
+    /// Radius of a pedestrian's disc in meters, above 0 and up to 10 [that of the agents who walked].
     #[schemars(range(min = 0.0, max = 10.0))]
-    pub radius: Meters,
+    pub radius: Option<Meters>,
+    /// Seconds between two samples of a leg up to which the way between them counts [one frame]; where an agent was lost for
+    /// longer, its track is broken.
+    #[schemars(range(min = 0.0, max = 3600.0))]
+    pub max_gap: Option<f64>,
 }
 
-impl Default for RasterConfig {
-    fn default() -> Self {
-        Self { count: Count::Paths, radius: Meters::new(0.2).expect("0.2 m is a length") }
-    }
+/// What is counted, and what of each agent: a configuration for tracks of one frame rate and radius.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Sweep {
+    pub count: Count,
+    /// Radius of the discs in meters.
+    pub radius: f64,
+    /// Most frames between two samples of a leg that are joined, at least 1.
+    pub gap: i64,
 }
 
 /// What keeps tracks from being counted.
@@ -53,6 +66,8 @@ impl Default for RasterConfig {
 pub enum RasterError {
     #[error("`radius` is `{0}` m, allowed is above 0 and up to 10")]
     Radius(f64),
+    #[error("`max_gap` is `{0}` s, allowed is 0 to 3600")]
+    Gap(f64),
     #[error(
         "sample {frame} of agent {id} in episode {episode} is not after the one before it by episode, agent and frame"
     )]
@@ -69,11 +84,29 @@ impl RasterConfig {
     /// Checks that every parameter is in its range.
     ///
     /// # Errors
-    /// [`RasterError::Radius`] if the radius is not.
+    /// [`RasterError`] names the one that is not.
     pub fn check(&self) -> Result<(), RasterError> {
-        let radius = self.radius.get();
-        if radius > 0.0 && radius <= 10.0 { Ok(()) } else { Err(RasterError::Radius(radius)) }
+        if let Some(radius) = self.radius {
+            check_radius(radius.get())?;
+        }
+        // Written so that what is not a number is refused too.
+        match self.max_gap {
+            Some(gap) if !(gap >= 0.0 && gap <= 3600.0) => Err(RasterError::Gap(gap)),
+            _ => Ok(()),
+        }
     }
+
+    /// Returns what to count of tracks with a frame rate in frames per second, of agents with a radius in meters.
+    #[must_use]
+    pub fn sweep(&self, frame_rate: f64, radius: f64) -> Sweep {
+        // A hair of tolerance: 0.3 s at 10 frames a second are three frames.
+        let frames = self.max_gap.map_or(1, |gap| (gap * frame_rate + 1e-6).floor() as i64);
+        Sweep { count: self.count, radius: self.radius.map_or(radius, Meters::get), gap: frames.max(1) }
+    }
+}
+
+fn check_radius(radius: f64) -> Result<f64, RasterError> {
+    if radius > 0.0 && radius <= 10.0 { Ok(radius) } else { Err(RasterError::Radius(radius)) }
 }
 
 /// How often each cell of a map was visited.
@@ -120,12 +153,12 @@ impl VisitCounts {
 ///
 /// # Errors
 /// [`RasterError`] if the radius is out of range, the samples are out of order or a position is not finite.
-pub fn rasterize(map: &OccupancyMap, samples: &[Sample], config: &RasterConfig) -> Result<VisitCounts, RasterError> {
-    config.check()?;
+pub fn rasterize(map: &OccupancyMap, samples: &[Sample], sweep: &Sweep) -> Result<VisitCounts, RasterError> {
+    check_radius(sweep.radius)?;
     parts(samples, rayon::current_num_threads())
         .into_par_iter()
         .map(|part| {
-            let mut rasterizer = Rasterizer::new(map, config)?;
+            let mut rasterizer = Rasterizer::new(map, sweep)?;
             part.iter().try_for_each(|sample| rasterizer.push(sample))?;
             Ok(rasterizer.finish())
         })
@@ -170,6 +203,7 @@ struct Tally {
 pub struct Rasterizer<'a> {
     map: &'a OccupancyMap,
     count: Count,
+    gap: i64,
     /// Radius in cells.
     radius: f64,
     tallies: Grid<Tally>,
@@ -185,12 +219,22 @@ impl<'a> Rasterizer<'a> {
     ///
     /// # Errors
     /// [`RasterError::Radius`] if the radius is out of range.
-    pub fn new(map: &'a OccupancyMap, config: &RasterConfig) -> Result<Self, RasterError> {
-        config.check()?;
+    pub fn new(map: &'a OccupancyMap, sweep: &Sweep) -> Result<Self, RasterError> {
         let (rows, cols) = (map.free().rows(), map.free().cols());
-        let radius = (config.radius.get() + TIE) / map.resolution();
         let tallies = Grid::filled(rows, cols, Tally::default());
-        Ok(Self { map, count: config.count, radius, tallies, path: 0, samples: 0, last: None })
+        let mut new = Self { map, count: sweep.count, gap: 1, radius: 0.0, tallies, path: 0, samples: 0, last: None };
+        new.go_on(sweep)?;
+        Ok(new)
+    }
+
+    /// Goes on with other tracks, of agents of another radius or with another frame rate; what is counted stays the same.
+    ///
+    /// # Errors
+    /// [`RasterError::Radius`] if the radius is out of range.
+    pub fn go_on(&mut self, sweep: &Sweep) -> Result<(), RasterError> {
+        self.radius = (check_radius(sweep.radius)? + TIE) / self.map.resolution();
+        self.gap = sweep.gap;
+        Ok(())
     }
 
     /// Counts the next sample.
@@ -206,14 +250,18 @@ impl<'a> Rasterizer<'a> {
         let rows = self.tallies.rows() as f64;
         let here = Point::new(position.x / resolution - 0.5, rows - 0.5 - position.y / resolution);
         let mut from = here;
-        let mut same_path = false;
+        let (mut same_path, mut is_broken) = (false, false);
         if let Some((last, place)) = &self.last {
             if (last.episode, last.id, last.frame) >= (episode, id, frame) {
                 return Err(RasterError::Order { episode, id, frame });
             }
             if (last.episode, last.id) == (episode, id) {
-                from = *place;
                 same_path = last.path == path;
+                // Frames of one agent rise, but may lie farther apart than a number of this size can say.
+                let gap = frame.saturating_sub(last.frame);
+                let is_joined = gap <= if same_path { self.gap } else { 1 };
+                from = if is_joined { *place } else { here };
+                is_broken = !is_joined;
             }
         }
         // A cell has at most one visit for each sample, so this also bounds the visits.
@@ -221,7 +269,7 @@ impl<'a> Rasterizer<'a> {
         self.path += u32::from(!same_path);
         match self.count {
             Count::Paths => {
-                if !same_path {
+                if !same_path || is_broken {
                     self.count_path(&Advance::disc(from, self.radius));
                 }
                 if from != here {
@@ -268,162 +316,4 @@ impl<'a> Rasterizer<'a> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::domain::geometry::{Cell, Frame};
-    use crate::domain::random::Stream;
-    use proptest::prelude::*;
-    use std::collections::BTreeMap;
-
-    fn open(rows: usize, cols: usize) -> OccupancyMap {
-        OccupancyMap::new(Grid::filled(rows, cols, true), Frame::at_zero(0.1, rows, cols)).expect("free cells")
-    }
-
-    fn sample(episode: u32, id: i64, frame: i64, path: u32, x: f64, y: f64) -> Sample {
-        Sample { episode, id, frame, position: Point::new(x, y), velocity: Point::default(), path }
-    }
-
-    fn config(count: Count, radius: f64) -> RasterConfig {
-        RasterConfig { count, radius: Meters::new(radius).expect("a length") }
-    }
-
-    /// Tests every cell against every step of every path, as the rule is written.
-    fn slow(map: &OccupancyMap, samples: &[Sample], config: &RasterConfig) -> VisitCounts {
-        let reach = config.radius.get() + 1e-9;
-        let mut steps: BTreeMap<(u32, i64, u32), Vec<(Point, Point)>> = BTreeMap::new();
-        for (i, s) in samples.iter().enumerate() {
-            let before = i.checked_sub(1).map(|i| &samples[i]).filter(|b| (b.episode, b.id) == (s.episode, s.id));
-            let from = before.map_or(s.position, |b| b.position);
-            steps.entry((s.episode, s.id, s.path)).or_default().push((from, s.position));
-        }
-        let counts = Grid::from_fn(map.free().rows(), map.free().cols(), |cell| {
-            let center = map.frame().center(cell);
-            if !map.free()[cell] {
-                return 0;
-            }
-            let visits = |path: &Vec<(Point, Point)>| match config.count {
-                Count::Paths => u32::from(path.iter().any(|(a, b)| center.distance_to_segment(*a, *b) <= reach)),
-                Count::Steps => path.iter().filter(|(_, b)| center.distance(*b) <= reach).count() as u32,
-            };
-            steps.values().map(visits).sum()
-        });
-        VisitCounts { counts, paths: steps.len() as u64 }
-    }
-
-    /// Draws walks over and beyond a map of about 2 m; half of them on the lattice of cell corners and centers.
-    fn walks(seed: u64, agents: u32, lattice: bool) -> Vec<Sample> {
-        let mut stream = Stream::new(seed, &[0; 32], 0, "raster");
-        let mut samples = Vec::new();
-        for agent in 0..agents {
-            let mut at = Point::new(stream.between(-0.3, 2.3), stream.between(-0.3, 2.3));
-            let mut path = 0;
-            for frame in 0..20 {
-                // Sometimes the agent waits, sometimes it goes straight along an axis.
-                let mut stride = || if stream.below(4) == 0 { 0.0 } else { stream.between(-0.4, 0.4) };
-                at += Point::new(stride(), stride());
-                let place = |value: f64| if lattice { (value * 20.0).round() / 20.0 } else { value };
-                path += u32::from(stream.below(8) == 0);
-                samples.push(sample(agent / 3, i64::from(agent), frame, path, place(at.x), place(at.y)));
-            }
-        }
-        samples
-    }
-
-    #[test]
-    fn a_path_counts_once_where_its_disc_goes() {
-        // A disc of two cells' radius goes along the middle of row 2 and back; 5 rows of 0.1 m.
-        let map = open(5, 8);
-        let there_and_back = [(0, 0.25), (1, 0.45), (2, 0.25)].map(|(frame, x)| sample(0, 0, frame, 0, x, 0.25));
-        let visits = rasterize(&map, &there_and_back, &config(Count::Paths, 0.2)).expect("visits");
-        #[rustfmt::skip]
-        assert_eq!(visits.counts.as_slice(), [
-            0, 0, 1, 1, 1, 0, 0, 0,
-            0, 1, 1, 1, 1, 1, 0, 0,
-            1, 1, 1, 1, 1, 1, 1, 0,
-            0, 1, 1, 1, 1, 1, 0, 0,
-            0, 0, 1, 1, 1, 0, 0, 0,
-        ]);
-        assert_eq!(visits.paths, 1);
-        let steps = rasterize(&map, &there_and_back, &config(Count::Steps, 0.1)).expect("visits");
-        assert_eq!(steps.counts.row(2), [0, 2, 2, 3, 1, 1, 0, 0]);
-    }
-
-    #[test]
-    fn blocked_cells_have_no_visits() {
-        let free = Grid::from_fn(5, 5, |cell| cell.col != 2);
-        let map = OccupancyMap::new(free, Frame::at_zero(0.1, 5, 5)).expect("free cells");
-        let visits = rasterize(&map, &[sample(0, 0, 0, 0, 0.25, 0.25)], &config(Count::Paths, 0.2)).expect("visits");
-        assert_eq!(visits.counts.row(2), [1, 1, 0, 1, 1]);
-    }
-
-    #[test]
-    fn a_leg_starts_where_the_one_before_ended() {
-        let map = open(1, 12);
-        let legs = [sample(0, 0, 0, 0, 0.05, 0.05), sample(0, 0, 1, 1, 0.85, 0.05), sample(0, 1, 0, 0, 1.15, 0.05)];
-        let visits = rasterize(&map, &legs, &config(Count::Paths, 0.05)).expect("visits");
-        assert_eq!(visits.counts.as_slice(), [2, 1, 1, 1, 1, 1, 1, 1, 1, 0, 0, 1]);
-        assert_eq!(visits.paths, 3);
-    }
-
-    #[test]
-    fn parts_add_up() {
-        let map = open(20, 20);
-        let samples = walks(4, 30, false);
-        let whole = rasterize(&map, &samples, &RasterConfig::default()).expect("visits");
-        let mut sum = VisitCounts::none(20, 20);
-        for episode in samples.chunk_by(|a, b| a.episode == b.episode) {
-            sum.add(&rasterize(&map, episode, &RasterConfig::default()).expect("visits")).expect("same size");
-        }
-        assert_eq!(sum, whole);
-        let mut full = VisitCounts { counts: Grid::filled(20, 20, u32::MAX), paths: 1 };
-        assert_eq!(full.add(&whole), Err(RasterError::Overflow));
-        assert!(matches!(full.add(&VisitCounts::none(20, 19)), Err(RasterError::SizeMismatch { other_cols: 20, .. })));
-    }
-
-    #[test]
-    fn threads_do_not_show() {
-        let map = open(20, 20);
-        let samples = walks(5, 4000, false);
-        let alone = |threads| {
-            let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
-            pool.install(|| rasterize(&map, &samples, &RasterConfig::default()).expect("visits"))
-        };
-        assert!(parts(&samples, 8).len() > 3);
-        assert_eq!(alone(1), alone(8));
-    }
-
-    #[test]
-    fn samples_out_of_order_are_refused() {
-        let map = open(5, 5);
-        let run = |samples: &[Sample]| rasterize(&map, samples, &RasterConfig::default()).expect_err("out of order");
-        let good = sample(1, 3, 5, 0, 0.2, 0.2);
-        for bad in [Sample { frame: 5, ..good }, Sample { id: 2, ..good }, Sample { episode: 0, ..good }] {
-            let Sample { episode, id, frame, .. } = bad;
-            assert_eq!(run(&[good, bad]), RasterError::Order { episode, id, frame });
-        }
-        let lost = sample(1, 3, 6, 0, f64::NAN, 0.2);
-        assert_eq!(run(&[good, lost]), RasterError::Position { episode: 1, id: 3, frame: 6 });
-        assert_eq!(config(Count::Paths, 0.0).check(), Err(RasterError::Radius(0.0)));
-        // Also where the work is split between agents.
-        let mut many = walks(6, 4000, false);
-        many.rotate_left(20);
-        assert!(matches!(run(&many), RasterError::Order { .. }));
-    }
-
-    proptest! {
-        #[test]
-        fn spans_agree_with_testing_every_cell(
-            seed in 0u64..1_000_000, radius in 0.01f64..0.6, lattice in any::<bool>(), steps in any::<bool>(),
-        ) {
-            let mut stream = Stream::new(seed, &[0; 32], 0, "raster map");
-            let mut free = Grid::from_fn(20, 20, |_| stream.unit() < 0.9);
-            free[Cell::new(0, 0)] = true;
-            let map = OccupancyMap::new(free, Frame::at_zero(0.1, 20, 20)).expect("a free cell");
-            let radius = if lattice { (radius * 20.0).ceil() / 20.0 } else { radius };
-            let config = config(if steps { Count::Steps } else { Count::Paths }, radius);
-            let samples = walks(seed, 9, lattice);
-            let fast = rasterize(&map, &samples, &config).expect("visits");
-            prop_assert_eq!(&fast, &slow(&map, &samples, &config));
-        }
-    }
-}
+mod tests;
