@@ -1,5 +1,7 @@
 //! The crowd layer: the oracle's scenes in which plain ORCA is stuck, and statistics over episodes on maps.
 
+mod polygons;
+
 use rayon::prelude::*;
 use trodden::domain::crowd::{Crowd, CrowdConfig, NavConfig, Robot, Scene, Speed, Status, Summary, Tally};
 use trodden::domain::geometry::{Frame, Grid, Point};
@@ -63,7 +65,10 @@ fn read_scene(folder: &std::path::Path, name: &str) -> OracleScene {
 /// Agents whose goal is not reachable have no entry.
 fn walk(scene: &OracleScene, seed: u64, seconds: f64) -> (Vec<(usize, Option<f64>)>, Tally) {
     let points: Vec<Point> = scene.starts.iter().chain(&scene.goals).copied().collect();
-    let world = Scene::from_polygons(&scene.polygons, &points, &scene.config).expect("a world");
+    let map = polygons::draw(&scene.polygons, &points).expect("free floor");
+    let local = |polygon: &Vec<Point>| polygon.iter().map(|point| map.frame().to_local(*point)).collect();
+    let walls: Vec<Vec<Point>> = scene.polygons.iter().map(local).collect();
+    let world = Scene::with_walls(&map, &walls, &scene.config).expect("a world");
     let mut crowd = Crowd::new(&world);
     for (agent, start) in scene.starts.iter().enumerate() {
         let noise = Stream::new(seed, &[0; 32], agent as u64, "oracle");
@@ -266,6 +271,30 @@ fn tracks_stay_off_every_blocked_cell_and_move_as_they_say() {
 }
 
 #[test]
+fn a_robot_sets_out_among_people_who_walk() {
+    let scene = Scene::new(&flat(), &CrowdConfig { agents: [8, 8], ..CrowdConfig::default() }).expect("a scene");
+    let start_of = |warmup: f64, number| {
+        let config = NavConfig { warmup, ..NavConfig::default() };
+        let episode = scene.navigation_episode(1, &[0; 32], number, &config).expect("an episode");
+        let first: Vec<Sample> = episode.samples.into_iter().filter(|sample| sample.frame == 0).collect();
+        (first, episode.robot)
+    };
+    let (mut walking, mut all) = (0, 0);
+    for number in 0..10 {
+        let (first, robot) = start_of(20.0, number);
+        let at = first.iter().find(|sample| sample.id == robot).expect("the robot").position;
+        for sample in first.iter().filter(|sample| sample.id != robot) {
+            assert!(sample.position.distance(at) >= 0.4 - 1e-9, "the robot starts in {sample:?}");
+            all += 1;
+            walking += usize::from(sample.velocity.norm() > 0.5);
+        }
+        // Without a warm-up everybody is at rest.
+        assert!(start_of(0.0, number).0.iter().all(|sample| sample.velocity.norm() == 0.0));
+    }
+    assert!(all == 80 && walking > 60, "{walking} of {all}");
+}
+
+#[test]
 fn the_preset_of_igibson_walks() {
     let config: CrowdConfig = serde_json::from_str(r#"{"preset": "igibson"}"#).expect("a preset");
     let (_, summary) = episodes(&hall(), &config, 4, 2);
@@ -280,7 +309,7 @@ fn the_preset_of_igibson_walks() {
 fn navigation_episodes_have_one_robot_and_equal_lengths() {
     let scene = Scene::new(&flat(), &CrowdConfig::default()).expect("a scene");
     for robot in [Robot::Agent, Robot::Ghost] {
-        let config = NavConfig { robot, steps: 60 };
+        let config = NavConfig { robot, steps: 60, ..NavConfig::default() };
         for number in 0..8 {
             let episode = scene.navigation_episode(1, &[0; 32], number, &config).expect("an episode");
             assert_eq!(episode, scene.navigation_episode(1, &[0; 32], number, &config).expect("the same"));
@@ -295,7 +324,7 @@ fn navigation_episodes_have_one_robot_and_equal_lengths() {
     }
     // Who does not see the robot walks as if it were not there.
     let crowd_of = |robot| {
-        let config = NavConfig { robot, steps: 60 };
+        let config = NavConfig { robot, steps: 60, ..NavConfig::default() };
         let episode = scene.navigation_episode(1, &[0; 32], 3, &config).expect("an episode");
         episode.samples.into_iter().filter(|sample| sample.id != episode.robot).collect::<Vec<_>>()
     };

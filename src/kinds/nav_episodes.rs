@@ -1,4 +1,5 @@
-//! `NavEpisodes`: the columns of `Trajectories` and `robot` bool; one file, ordered by episode, id and frame.
+//! `NavEpisodes`: the columns of `Trajectories` and `robot` bool; one file, ordered by episode, id and frame. What happened in
+//! the episodes is a `summary` in the metadata.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -9,6 +10,7 @@ use arrow::datatypes::DataType;
 use super::parquet::{Column, GROUP_ROWS, Table};
 use super::trajectories::{self, Buffer, Order, check_rate};
 use super::{KindError, Placed, SingleFile};
+use crate::domain::crowd::Summary;
 use crate::domain::geometry::Point;
 use crate::domain::social::NavSteps;
 use crate::domain::tracks::Sample;
@@ -22,6 +24,8 @@ pub struct NavEpisodes {
     pub frame_rate: f64,
     /// Samples ordered by (episode, id, frame).
     pub samples: Vec<NavSample>,
+    /// What happened in the episodes, if they were simulated.
+    pub summary: Option<Summary>,
 }
 
 /// One agent at one frame.
@@ -68,11 +72,14 @@ fn columns() -> Vec<Column> {
 
 impl SingleFile for Placed<NavEpisodes> {
     const NAME: &'static str = KIND;
-    const FORMAT: u32 = 1;
+    const FORMAT: u32 = 2;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
         let frame_rate = check_rate(KIND, self.value.frame_rate)?;
-        let layout = trajectories::layout(KIND, <Self as SingleFile>::FORMAT, columns(), &self.frame, frame_rate);
+        let mut layout = trajectories::layout(KIND, <Self as SingleFile>::FORMAT, columns(), &self.frame, frame_rate);
+        if let Some(summary) = &self.value.summary {
+            layout = layout.with("summary", serde_json::to_string(summary).expect("a summary is JSON"));
+        }
         let mut writer = layout.writer(Vec::new())?;
         let mut order = Order::new(KIND);
         for group in self.value.samples.chunks(GROUP_ROWS) {
@@ -102,6 +109,10 @@ impl SingleFile for Placed<NavEpisodes> {
                 samples.push(NavSample { sample, robot });
             }
         }
-        Ok(Self::new(frame, NavEpisodes { frame_rate, samples }))
+        let summary = match table.text("summary") {
+            Ok(text) => Some(serde_json::from_str(text).map_err(|_| table.wrong_metadata("summary", "a summary"))?),
+            Err(_) => None,
+        };
+        Ok(Self::new(frame, NavEpisodes { frame_rate, samples, summary }))
     }
 }

@@ -8,9 +8,8 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 
-use crate::domain::crowd::CrowdConfig;
 use crate::domain::geometry::Frame;
-use crate::kinds::{Kind, KindError, Outline, Written};
+use crate::kinds::{Kind, KindError, Written};
 use crate::pipeline::stage::{Context, Entry, KindSpec, Needs, Output, ParameterError, Stage, StageError, StageSpec};
 use crate::store::{Artifact, Digest};
 
@@ -73,18 +72,6 @@ pub(super) const fn kind<K: Kind>() -> KindSpec {
 /// What a part asks for that holds so many bytes of its own, beside what every part does.
 pub(super) const fn memory(bytes: u64) -> Needs {
     Needs { memory: (64_u64 << 20).saturating_add(bytes), exclusive: false }
-}
-
-/// Estimates what the samples of episodes take, as they are simulated and as they are written.
-pub(super) fn crowd_bytes(crowd: &CrowdConfig, episodes: u32, map: &Outline) -> u64 {
-    const SAMPLE: u64 = 160;
-    let area = map.rows as f64 * map.positive("resolution").unwrap_or(0.0).powi(2);
-    // All of the map's area, where only the free floor counts: rather too much than too little.
-    let agents = match crowd.area_per_agent {
-        Some(each) => (area / each).ceil() as u64,
-        None => u64::from(crowd.agents[1]),
-    };
-    agents.saturating_mul(u64::from(episodes)).saturating_mul(crowd.steps() as u64).saturating_mul(SAMPLE)
 }
 
 /// Reads an artifact and hands back its digest too.

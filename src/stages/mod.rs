@@ -5,7 +5,9 @@
 pub mod annotate;
 pub mod compute;
 pub mod cost;
+mod crowd;
 mod definition;
+mod episodes;
 pub mod generate_map;
 pub mod import_map;
 pub mod maps;
@@ -19,8 +21,7 @@ pub mod train;
 
 use crate::pipeline::stage::Register;
 use definition::{
-    Definition, crowd_bytes, kind, kind_failed, memory, parse, read, refused, refused_setting, same_frame, schema,
-    to_json, write,
+    Definition, kind, kind_failed, memory, parse, read, refused, refused_setting, same_frame, schema, to_json, write,
 };
 
 /// All stages and map sources.

@@ -5,8 +5,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::crowd::{self, Steps};
 use super::{Definition, kind, read, refused, write};
-use crate::domain::crowd::{CrowdConfig, CrowdError, NavConfig, NavEpisode, Robot, Scene};
+use crate::domain::crowd::{CrowdConfig, CrowdError, FEWEST_PEDESTRIANS, NavConfig, NavEpisode, Robot, Scene, Summary};
 use crate::domain::map::OccupancyMap;
 use crate::kinds::{NavEpisodes, NavSample, Placed, outline};
 use crate::pipeline::stage::{
@@ -29,6 +30,11 @@ pub struct Navigate {
     #[serde(default = "steps")]
     #[schemars(range(min = 1, max = 100_000))]
     steps: usize,
+    /// Seconds for which the pedestrians walk before the robot sets out: people at rest at random places are not where
+    /// people are.
+    #[serde(default = "warmup")]
+    #[schemars(range(min = 0.0, max = 86400.0))]
+    warmup: f64,
     #[serde(flatten)]
     crowd: CrowdConfig,
 }
@@ -41,16 +47,20 @@ fn steps() -> usize {
     NavConfig::default().steps
 }
 
+fn warmup() -> f64 {
+    NavConfig::default().warmup
+}
+
 impl Navigate {
     const fn nav(&self) -> NavConfig {
-        NavConfig { robot: self.robot, steps: self.steps }
+        NavConfig { robot: self.robot, steps: self.steps, warmup: self.warmup }
     }
 }
 
 impl Definition for Navigate {
     const SPEC: StageSpec = StageSpec {
         name: "navigate",
-        version: 1,
+        version: 2,
         ports: &[Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to walk on." }],
         output: kind::<Placed<NavEpisodes>>(),
         seeded: true,
@@ -72,29 +82,32 @@ impl Stage for Navigate {
     }
 
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
-        super::memory(super::crowd_bytes(&self.crowd, self.episodes, &outline(store, inputs.one("map"))))
+        let map = outline(store, inputs.one("map"));
+        // The robot is one more.
+        super::memory(crowd::bytes(&self.crowd, FEWEST_PEDESTRIANS + 1, self.episodes, self.steps, &map))
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let (map, digest): (OccupancyMap, _) = read(context, inputs.one("map"))?;
         let scene = Scene::new(&map, &self.crowd).map_err(StageError::failed)?;
-        let done = std::sync::atomic::AtomicU64::new(0);
+        let nav = self.nav();
+        let steps = Steps::new(context, self.episodes, nav.warmup_steps(self.crowd.time_step) + nav.steps);
         let episode = |number: u32| -> Result<NavEpisode, StageError> {
-            if (context.cancelled)() {
-                return Err(StageError::Cancelled);
-            }
-            let episode =
-                scene.navigation_episode(context.seed, digest.as_bytes(), number, &self.nav()).map_err(failed)?;
-            (context.progress)(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, self.episodes.into());
-            Ok(episode)
+            steps
+                .episode(|tick| scene.watched_navigation_episode(context.seed, digest.as_bytes(), number, &nav, tick))
+                .map_err(failed)?
+                .ok_or(StageError::Cancelled)
         };
         let episodes: Vec<NavEpisode> =
             (0..self.episodes).into_par_iter().map(episode).collect::<Result<_, StageError>>()?;
+        let mut summary = Summary::default();
+        episodes.iter().for_each(|episode| summary += episode.summary);
+        crowd::warn(context, &self.crowd, &summary);
         let sample = |robot: i64| move |sample| NavSample { sample, robot: sample.id == robot };
         let samples =
             episodes.into_iter().flat_map(|episode| episode.samples.into_iter().map(sample(episode.robot))).collect();
         let frame_rate = 1.0 / self.crowd.time_step;
-        write(context, &Placed::new(*map.frame(), NavEpisodes { frame_rate, samples }))
+        write(context, &Placed::new(*map.frame(), NavEpisodes { frame_rate, samples, summary: Some(summary) }))
     }
 }
 

@@ -1,12 +1,16 @@
 //! `simulate`: people walk through a map.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
-use super::{Definition, kind, read, refused};
-use crate::domain::crowd::{CrowdConfig, Episode, Scene};
+use super::crowd::{self, Steps};
+use super::episodes::Episodes;
+use super::{Definition, kind, read};
+use crate::domain::crowd::{CrowdConfig, Episode, Scene, Summary};
 use crate::domain::map::OccupancyMap;
 use crate::domain::tracks::Tracks;
 use crate::kinds::{Placed, TrackWriter, chunk_files, outline};
@@ -15,29 +19,24 @@ use crate::pipeline::stage::{
 };
 use crate::store::{Artifact, Store};
 
-/// Episodes of a chunk. It is fixed, so that more episodes leave the chunks that exist as they are.
-const CHUNK: u32 = 20;
+/// Episodes that are computed side by side and then written: what is in memory at once, whatever the size of a chunk.
+const BATCH: u32 = 20;
 
 /// Parameters of `simulate`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct Simulate {
-    /// Number of independent episodes on each map.
-    #[serde(default = "episodes")]
-    #[schemars(range(min = 1, max = 1_000_000))]
-    episodes: u32,
+    /// Number of independent episodes on each map, or `{ per_100_m2: N }`: so many for each 100 m² of free floor.
+    #[serde(default)]
+    episodes: Episodes,
     #[serde(flatten)]
     crowd: CrowdConfig,
-}
-
-const fn episodes() -> u32 {
-    100
 }
 
 impl Definition for Simulate {
     const SPEC: StageSpec = StageSpec {
         name: "simulate",
-        version: 1,
+        version: 2,
         ports: &[Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to walk on." }],
         output: kind::<Placed<Tracks>>(),
         seeded: true,
@@ -45,18 +44,8 @@ impl Definition for Simulate {
     };
 
     fn check(&self) -> Result<(), ParameterError> {
-        if !(1..=1_000_000).contains(&self.episodes) {
-            return Err(refused("episodes", format!("`episodes` is {}, allowed are 1 to 1,000,000", self.episodes)));
-        }
+        self.episodes.check()?;
         self.crowd.check().map_err(|error| super::refused_setting(&error))
-    }
-}
-
-impl Simulate {
-    /// The first episode and the number of episodes of a chunk.
-    fn span(&self, chunk: u32) -> (u32, u32) {
-        let first = chunk * CHUNK;
-        (first, CHUNK.min(self.episodes - first))
     }
 }
 
@@ -68,11 +57,9 @@ impl Stage for Simulate {
     fn part_parameters(&self, part: Part) -> Value {
         match part {
             Part::Chunk(chunk) => {
-                let (first, count) = self.span(chunk);
                 let mut value = super::to_json(&self.crowd);
                 let object = value.as_object_mut().expect("settings are an object");
-                object.insert("first".to_owned(), first.into());
-                object.insert("count".to_owned(), count.into());
+                object.extend(self.episodes.chunk_parameters(chunk));
                 value
             }
             Part::Gather => json!({}),
@@ -81,7 +68,7 @@ impl Stage for Simulate {
     }
 
     fn division(&self) -> Division {
-        Division::Chunks(self.episodes.div_ceil(CHUNK))
+        Division::Chunks(self.episodes.chunks())
     }
 
     fn part_ports(&self, part: Part) -> Option<&'static [&'static str]> {
@@ -89,9 +76,9 @@ impl Stage for Simulate {
     }
 
     fn needs(&self, part: Part, inputs: &Inputs, store: &Store) -> Needs {
-        let Part::Chunk(chunk) = part else { return Needs { memory: 1 << 20, exclusive: false } };
-        let (_, episodes) = self.span(chunk);
-        super::memory(super::crowd_bytes(&self.crowd, episodes, &outline(store, inputs.one("map"))))
+        let Part::Chunk(_) = part else { return Needs { memory: 1 << 20, exclusive: false } };
+        let map = outline(store, inputs.one("map"));
+        super::memory(crowd::bytes(&self.crowd, 1, BATCH, self.crowd.steps(), &map))
     }
 
     fn run(&self, part: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
@@ -101,25 +88,26 @@ impl Stage for Simulate {
         };
         let (map, digest): (OccupancyMap, _) = read(context, inputs.one("map"))?;
         let scene = Scene::new(&map, &self.crowd).map_err(StageError::failed)?;
-        let (first, count) = self.span(chunk);
-        let done = std::sync::atomic::AtomicU64::new(0);
-        let episode = |number: u32| -> Result<Episode, StageError> {
-            if (context.cancelled)() {
-                return Err(StageError::Cancelled);
-            }
-            let episode = scene.episode(context.seed, digest.as_bytes(), number);
-            (context.progress)(done.fetch_add(1, std::sync::atomic::Ordering::Relaxed) + 1, count.into());
-            Ok(episode)
+        let Range { start, end } = self.episodes.span(chunk, map.free_area());
+        let steps = Steps::new(context, end - start, self.crowd.steps());
+        let episode = |number: &u32| -> Result<Episode, StageError> {
+            steps
+                .episode(|tick| scene.watched_episode(context.seed, digest.as_bytes(), *number, tick))
+                .ok_or(StageError::Cancelled)
         };
-        let episodes: Vec<Episode> =
-            (first..first + count).into_par_iter().map(episode).collect::<Result<_, StageError>>()?;
-        let rate = 1.0 / self.crowd.time_step;
-        let mut writer = TrackWriter::new(context.store.create()?, *map.frame(), rate).map_err(super::kind_failed)?;
-        let mut summary = crate::domain::crowd::Summary::default();
-        for episode in &episodes {
-            writer.extend(&episode.samples).map_err(super::kind_failed)?;
-            summary += episode.summary;
+        let (rate, radius) = (1.0 / self.crowd.time_step, self.crowd.radius);
+        let mut writer =
+            TrackWriter::new(context.store.create()?, *map.frame(), rate, radius).map_err(super::kind_failed)?;
+        let mut summary = Summary::default();
+        let numbers: Vec<u32> = (start..end).collect();
+        for batch in numbers.chunks(BATCH as usize) {
+            let episodes: Vec<Episode> = batch.par_iter().map(episode).collect::<Result<_, StageError>>()?;
+            for episode in &episodes {
+                writer.extend(&episode.samples).map_err(super::kind_failed)?;
+                summary += episode.summary;
+            }
         }
+        crowd::warn(context, &self.crowd, &summary);
         writer.note("summary", &super::to_json(&summary).to_string());
         Ok(Output::File(writer.finish().map_err(super::kind_failed)?.finish("")?))
     }

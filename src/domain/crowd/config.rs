@@ -16,6 +16,9 @@ use super::CrowdError;
 pub struct CrowdConfig {
     /// Fewest and most agents of an episode.
     pub agents: [u32; 2],
+    /// Square meters of free floor up to which `agents` holds; on a larger floor there are more in proportion. `None`: it
+    /// holds on any floor.
+    pub agents_area: Option<f64>,
     /// Square meters of free floor for each agent; it replaces `agents` where it is given.
     pub area_per_agent: Option<f64>,
     /// Radius of an agent's disc in meters.
@@ -73,6 +76,10 @@ pub struct CrowdFields {
     pub preset: Option<Preset>,
     /// Fewest and most agents of an episode [1, 8].
     pub agents: Option<[u32; 2]>,
+    /// Square meters of free floor up to which `agents` holds; on a larger floor there are more in proportion [200; none,
+    /// so that `agents` holds on any floor, where `agents` is given].
+    #[schemars(range(min = 0.1, max = 1e6))]
+    pub agents_area: Option<f64>,
     /// Square meters of free floor for each agent; replaces `agents` [none; `igibson`: 8].
     #[schemars(range(min = 0.1, max = 1e6))]
     pub area_per_agent: Option<f64>,
@@ -131,6 +138,7 @@ impl Default for CrowdConfig {
     fn default() -> Self {
         Self {
             agents: [1, 8],
+            agents_area: Some(200.0),
             area_per_agent: None,
             radius: 0.2,
             speed: Speed { mean: 1.3, deviation: 0.2, min: 0.5, max: 2.0 },
@@ -154,6 +162,7 @@ impl Preset {
     pub fn config(self) -> CrowdConfig {
         match self {
             Self::Igibson => CrowdConfig {
+                agents_area: None,
                 area_per_agent: Some(8.0),
                 radius: 0.5,
                 speed: Speed { mean: 0.5, deviation: 0.0, min: 0.5, max: 0.5 },
@@ -170,11 +179,12 @@ impl Preset {
 impl From<CrowdFields> for CrowdConfig {
     fn from(fields: CrowdFields) -> Self {
         let base = fields.preset.map_or_else(Self::default, Preset::config);
-        // A number of agents that was written down beats the preset's number per area.
-        let inherited_area = if fields.agents.is_some() { None } else { base.area_per_agent };
+        // A number of agents that was written down is meant as it is, whatever the preset or the default says of areas.
+        let inherited = |area: Option<f64>| if fields.agents.is_some() { None } else { area };
         Self {
             agents: fields.agents.unwrap_or(base.agents),
-            area_per_agent: fields.area_per_agent.or(inherited_area),
+            agents_area: fields.agents_area.or(inherited(base.agents_area)),
+            area_per_agent: fields.area_per_agent.or(inherited(base.area_per_agent)),
             radius: fields.radius.unwrap_or(base.radius),
             speed: fields.speed.map_or(base.speed, |speed| speed.over(base.speed)),
             max_speed_factor: fields.max_speed_factor.unwrap_or(base.max_speed_factor),
@@ -222,6 +232,7 @@ impl CrowdConfig {
     pub fn check(&self) -> Result<(), CrowdError> {
         let speed = &self.speed;
         let ranges = [
+            ("agents_area", self.agents_area.unwrap_or(1.0), 0.1, 1e6),
             ("area_per_agent", self.area_per_agent.unwrap_or(1.0), 0.1, 1e6),
             ("radius", self.radius, 0.05, 2.0),
             ("speed.mean", speed.mean, 0.01, 10.0),
@@ -272,7 +283,10 @@ impl CrowdConfig {
     pub fn agents_on(&self, free_area: f64) -> [usize; 2] {
         match self.area_per_agent {
             Some(area) => [((free_area / area).floor() as usize).clamp(1, MOST_WALKERS); 2],
-            None => self.agents.map(|n| n as usize),
+            None => {
+                let larger = self.agents_area.map_or(1.0, |area| (free_area / area).max(1.0));
+                self.agents.map(|n| ((f64::from(n) * larger).round() as usize).min(MOST_WALKERS))
+            }
         }
     }
 }
@@ -310,10 +324,20 @@ mod tests {
     }
 
     #[test]
+    fn more_agents_walk_on_larger_floors_unless_their_number_is_given() {
+        let on = |value: serde_json::Value| [30.0, 200.0, 500.0, 1e9].map(|area| read(value.clone()).agents_on(area));
+        assert_eq!(on(json!({})), [[1, 8], [1, 8], [3, 20], [999, 999]]);
+        assert_eq!(on(json!({"agents": [2, 4]})), [[2, 4]; 4]);
+        assert_eq!(on(json!({"agents": [2, 4], "agents_area": 100})), [[2, 4], [4, 8], [10, 20], [999, 999]]);
+        assert_eq!(on(json!({"agents_area": 1000}))[2], [1, 8]);
+    }
+
+    #[test]
     fn what_it_writes_reads_back_and_names_every_field() {
-        for config in [CrowdConfig::default(), Preset::Igibson.config()] {
+        let given = CrowdConfig { agents: [2, 4], agents_area: None, ..CrowdConfig::default() };
+        for config in [CrowdConfig::default(), Preset::Igibson.config(), given] {
             let written = serde_json::to_value(&config).expect("settings are JSON");
-            assert_eq!(written.as_object().map(|o| o.len()), Some(14));
+            assert_eq!(written.as_object().map(|o| o.len()), Some(15));
             assert_eq!(read(written), config);
         }
     }

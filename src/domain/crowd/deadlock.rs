@@ -11,10 +11,10 @@
 
 use crate::domain::geometry::{Cell, Point};
 
-use super::gates::{self, DECISION, Stride};
+use super::floor::Floor;
+use super::gates::{self, DECISION, SAME_WAY, Stride};
 use super::routes::Route;
 use super::walker::{Aside, Line, distance_to_line};
-use super::walkers::Crowd;
 
 /// Seconds of hardly advancing after which others have to make room.
 const PATIENCE: f64 = 0.4;
@@ -23,6 +23,9 @@ const DETOUR_PATIENCE: f64 = 1.5;
 const DETOUR_PAUSE: f64 = 2.0;
 /// A detour may be this much longer than the way that is left, in meters.
 const LONGEST_DETOUR: f64 = 12.0;
+/// Places aside that are searched for in one step on behalf of those who are held up, the first in rank first: a crowd that
+/// needs more of them is wedged, and would be after all searches too.
+const SEARCHES: u32 = 256;
 /// Room has to be made along this much of the way ahead, in meters, and by agents this near.
 const WAY_AHEAD: f64 = 8.0;
 const NEAR: f64 = 3.0;
@@ -38,8 +41,6 @@ const BESIDE: f64 = 1.6;
 const FAR_ASIDE: f64 = 2.0;
 /// Who is this near to its place aside is there, in meters.
 const AT_PLACE: f64 = 0.25;
-/// Two directions are the same way if the cosine between them is above this.
-pub const SAME_WAY: f64 = 0.3;
 /// Seconds after which an agent that waits to go in holds back those of a lower rank.
 const LONG_WAIT: f64 = 2.5;
 /// Seconds of stepping aside at least and at most.
@@ -57,9 +58,21 @@ type OwnRank = (bool, u64);
 /// Rank and, within it, how many agents away from the one that it was inherited from, and the agent.
 type Rank = (OwnRank, u32, usize);
 
+/// How often agents gave way to each other.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Given {
+    /// Times an agent stepped aside.
+    pub gave_way: u64,
+    /// Detours around agents that stood in the way.
+    pub detours: u64,
+}
+
 /// The working memory of giving way.
 #[derive(Debug, Default)]
 pub struct Yielding {
+    given: Given,
+    /// Searches that are left in this step.
+    searches: u32,
     ranks: Vec<Rank>,
     order: Vec<usize>,
     theirs: Vec<Point>,
@@ -74,156 +87,163 @@ pub struct Yielding {
 }
 
 impl Yielding {
-    /// Lets agents go on whose way has become free, and has others step aside for those who are held up.
-    pub fn settle(&mut self, crowd: &mut Crowd) {
-        if crowd.len() < 2 {
-            return;
+    /// Lets agents go on whose way has become free, and has others step aside for those who are held up; returns how often
+    /// that was.
+    pub fn settle(&mut self, floor: &mut Floor) -> Given {
+        self.given = Given::default();
+        self.searches = SEARCHES;
+        if floor.len() >= 2 {
+            self.give_way(floor);
         }
-        self.rank(crowd);
-        self.find_entered(crowd);
+        self.given
+    }
+
+    fn give_way(&mut self, floor: &mut Floor) {
+        self.rank(floor);
+        self.find_entered(floor);
         // Who has been under way longest is asked first, whoever it steps aside for.
-        self.order.sort_unstable_by_key(|agent| (own_rank(crowd, *agent), *agent));
+        self.order.sort_unstable_by_key(|agent| (own_rank(floor, *agent), *agent));
         for place in 0..self.order.len() {
             let agent = self.order[place];
-            if crowd.walkers[agent].aside.is_some() {
-                self.release(crowd, agent);
+            if floor.walkers[agent].aside.is_some() {
+                self.release(floor, agent);
             }
-            if crowd.walkers[agent].aside.is_none() {
-                self.enter_or_wait(crowd, agent);
+            if floor.walkers[agent].aside.is_none() {
+                self.enter_or_wait(floor, agent);
             }
         }
-        if crowd.walkers.iter().all(|walker| walker.slow < PATIENCE) {
+        if floor.walkers.iter().all(|walker| walker.slow < PATIENCE) {
             return;
         }
-        self.rank(crowd);
+        self.rank(floor);
         for place in 0..self.order.len() {
             let agent = self.order[place];
-            if crowd.walkers[agent].slow >= PATIENCE && !crowd.walkers[agent].is_ghost {
-                self.press(crowd, place);
+            if floor.walkers[agent].slow >= PATIENCE && !floor.walkers[agent].is_ghost {
+                self.press(floor, place);
             }
         }
-        for agent in 0..crowd.len() {
-            let walker = &crowd.walkers[agent];
+        for agent in 0..floor.len() {
+            let walker = &floor.walkers[agent];
             if walker.slow >= DETOUR_PATIENCE && walker.detour_pause == 0.0 && walker.aside.is_none() {
-                self.detour(crowd, agent);
+                self.detour(floor, agent);
             }
         }
     }
 
     /// Notes who is in a narrow place or about to be, and the stretch of it that is left.
-    fn find_entered(&mut self, crowd: &mut Crowd) {
-        self.entered.resize(crowd.len().max(self.entered.len()), Vec::new());
-        let (scene, space) = (crowd.scene, crowd.scene.space());
-        for agent in 0..crowd.len() {
+    fn find_entered(&mut self, floor: &mut Floor) {
+        self.entered.resize(floor.len().max(self.entered.len()), Vec::new());
+        let (scene, space) = (floor.scene, floor.scene.space());
+        for agent in 0..floor.len() {
             self.entered[agent].clear();
-            let inside = scene.gates().is_narrow(space, crowd.position(agent));
-            let walker = &mut crowd.walkers[agent];
+            let inside = scene.gates().is_narrow(space, floor.position(agent));
+            let walker = &mut floor.walkers[agent];
             // Who has come out again has to ask anew at the next one.
             walker.has_entered = inside || (walker.has_entered && !walker.is_inside);
             walker.is_inside = inside;
             if walker.arrived || walker.is_ghost || !walker.has_entered {
                 continue;
             }
-            crowd.ahead(agent, WAY_AHEAD, &mut self.mine);
+            floor.ahead(agent, WAY_AHEAD, &mut self.mine);
             let found = scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.entered[agent]);
-            crowd.walkers[agent].has_entered = found.is_some();
+            floor.walkers[agent].has_entered = found.is_some();
         }
     }
 
     /// Lets an agent that comes to a narrow place go in, or wait if it would meet someone there.
-    fn enter_or_wait(&mut self, crowd: &mut Crowd, agent: usize) {
-        let walker = &crowd.walkers[agent];
+    fn enter_or_wait(&mut self, floor: &mut Floor, agent: usize) {
+        let walker = &floor.walkers[agent];
         if walker.arrived || walker.has_entered {
             return;
         }
-        crowd.ahead(agent, WAY_AHEAD, &mut self.mine);
-        let (scene, space) = (crowd.scene, crowd.scene.space());
+        floor.ahead(agent, WAY_AHEAD, &mut self.mine);
+        let (scene, space) = (floor.scene, floor.scene.space());
         if scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.stretch).is_none() {
             return;
         }
-        let Some(other) = self.met_inside(crowd, agent) else {
-            crowd.walkers[agent].has_entered = true;
+        let Some(other) = self.met_inside(floor, agent) else {
+            floor.walkers[agent].has_entered = true;
             self.entered[agent].clone_from(&self.stretch);
             return;
         };
-        crowd.ahead(other, WAY_AHEAD, &mut self.theirs);
-        if let Some(route) = self.place_aside(crowd, agent, other, false) {
-            self.step_aside(crowd, agent, other, route);
+        floor.ahead(other, WAY_AHEAD, &mut self.theirs);
+        if let Some(route) = self.place_aside(floor, agent, other, false) {
+            self.step_aside(floor, agent, other, route);
         }
     }
 
     /// Returns someone whom an agent would meet in the narrow stretch ahead of it: one who is in it, or one of a higher
     /// rank who has been waiting to go in.
-    fn met_inside(&mut self, crowd: &Crowd, agent: usize) -> Option<usize> {
-        let near = 2.0 * crowd.scene.config().radius + ROOM;
-        let others = (0..crowd.len()).filter(|other| *other != agent);
+    fn met_inside(&mut self, floor: &Floor, agent: usize) -> Option<usize> {
+        let near = 2.0 * floor.scene.config().radius + ROOM;
+        let others = (0..floor.len()).filter(|other| *other != agent);
         if let Some(other) = others.clone().find(|other| gates::meet(&self.stretch, &self.entered[*other], near)) {
             return Some(other);
         }
-        let rank = own_rank(crowd, agent);
-        others.filter(|other| own_rank(crowd, *other) < rank && crowd.walkers[*other].slow >= LONG_WAIT).find(|other| {
-            let (walker, position) = (&crowd.walkers[*other], crowd.position(*other));
+        let rank = own_rank(floor, agent);
+        others.filter(|other| own_rank(floor, *other) < rank && floor.walkers[*other].slow >= LONG_WAIT).find(|other| {
+            let (walker, position) = (&floor.walkers[*other], floor.position(*other));
             if walker.aside.is_none() || walker.is_ghost {
                 return false;
             }
             walker.line.ahead(position, WAY_AHEAD, &mut self.others);
-            let (scene, space) = (crowd.scene, crowd.scene.space());
+            let (scene, space) = (floor.scene, floor.scene.space());
             let waits = scene.gates().first_stretch(space, &self.others, 2.0 * DECISION, &mut self.waiting).is_some();
             waits && gates::meet(&self.stretch, &self.waiting, near)
         })
     }
 
-    fn step_aside(&mut self, crowd: &mut Crowd, agent: usize, for_whom: usize, route: Route) {
+    fn step_aside(&mut self, floor: &mut Floor, agent: usize, for_whom: usize, route: Route) {
         let (rank, depth, _) = self.ranks[for_whom];
-        crowd.walkers[agent].aside = Some(Aside { line: Line::new(route), for_whom, steps: 0 });
-        crowd.walkers[agent].has_entered = false;
+        floor.walkers[agent].aside = Some(Aside { line: Line::new(route), for_whom, steps: 0 });
+        floor.walkers[agent].has_entered = false;
         self.entered[agent].clear();
         self.ranks[agent] = (rank, depth + 1, agent);
-        crowd.tally.gave_way += 1;
+        self.given.gave_way += 1;
     }
 
-    fn rank(&mut self, crowd: &Crowd) {
+    fn rank(&mut self, floor: &Floor) {
         self.ranks.clear();
-        self.ranks.extend((0..crowd.len()).map(|agent| inherited_rank(crowd, agent)));
+        self.ranks.extend((0..floor.len()).map(|agent| inherited_rank(floor, agent)));
         self.order.clear();
-        self.order.extend(0..crowd.len());
+        self.order.extend(0..floor.len());
         let ranks = &self.ranks;
         self.order.sort_unstable_by_key(|agent| ranks[*agent]);
     }
 
     /// Ends stepping aside where the ways no longer meet, or when it takes too long.
-    fn release(&mut self, crowd: &mut Crowd, agent: usize) {
-        let time_step = crowd.scene.config().time_step;
-        let Some(aside) = &mut crowd.walkers[agent].aside else { return };
+    fn release(&mut self, floor: &mut Floor, agent: usize) {
+        let time_step = floor.scene.config().time_step;
+        let Some(aside) = &mut floor.walkers[agent].aside else { return };
         aside.steps += 1;
         let (seconds, other) = (aside.steps as f64 * time_step, aside.for_whom);
-        let is_over = seconds >= SHORTEST_ASIDE && !self.meet(crowd, agent, other);
+        let is_over = seconds >= SHORTEST_ASIDE && !self.meet(floor, agent, other);
         if !is_over && seconds < LONGEST_ASIDE {
             return;
         }
-        let position = crowd.position(agent);
-        let (scene, goal) = (crowd.scene, crowd.walkers[agent].line.route.end());
-        crowd.walkers[agent].aside = None;
-        if let Some(route) = scene.router().route(scene.space(), &mut crowd.search, position, goal, |_| true) {
-            crowd.walkers[agent].reroute(route, position, false);
+        let position = floor.position(agent);
+        let (scene, goal) = (floor.scene, floor.walkers[agent].line.route.end());
+        floor.walkers[agent].aside = None;
+        if let Some(route) = scene.router().route(scene.space(), &mut floor.search, position, goal, |_| true) {
+            floor.walkers[agent].reroute(route, position, false);
         }
     }
 
     /// Tells whether an agent, going on now, would meet someone in a narrow place, or another one head-on right here.
-    fn meet(&mut self, crowd: &Crowd, agent: usize, other: usize) -> bool {
-        let (scene, space) = (crowd.scene, crowd.scene.space());
-        crowd.walkers[agent].line.ahead(crowd.position(agent), WAY_AHEAD, &mut self.mine);
+    fn meet(&mut self, floor: &Floor, agent: usize, other: usize) -> bool {
+        let (scene, space) = (floor.scene, floor.scene.space());
+        floor.walkers[agent].line.ahead(floor.position(agent), WAY_AHEAD, &mut self.mine);
         if scene.gates().first_stretch(space, &self.mine, DECISION, &mut self.stretch).is_some()
-            && self.met_inside(crowd, agent).is_some()
+            && self.met_inside(floor, agent).is_some()
         {
             return true;
         }
-        if crowd.walkers[other].arrived || crowd.walkers[other].aside.is_some() {
+        if floor.walkers[other].arrived || floor.walkers[other].aside.is_some() {
             return false;
         }
-        crowd.walkers[agent].line.ahead(crowd.position(agent), LOOK_BEFORE_GOING, &mut self.mine);
-        crowd.ahead(other, HEAD_ON, &mut self.theirs);
-        let near = 2.0 * crowd.scene.config().radius + ROOM;
+        floor.walkers[agent].line.ahead(floor.position(agent), LOOK_BEFORE_GOING, &mut self.mine);
+        floor.ahead(other, HEAD_ON, &mut self.theirs);
+        let near = 2.0 * floor.scene.config().radius + ROOM;
         self.mine.windows(2).any(|piece| {
             let along = (piece[1] - piece[0]).normalized();
             let looks = (piece[0].distance(piece[1]) / LOOK_STEP).ceil();
@@ -236,19 +256,19 @@ impl Yielding {
     }
 
     /// Has everyone step aside who is of a lower rank than the agent at a place of the order, and in its way.
-    fn press(&mut self, crowd: &mut Crowd, place: usize) {
+    fn press(&mut self, floor: &mut Floor, place: usize) {
         let agent = self.order[place];
-        let radius = crowd.scene.config().radius;
+        let radius = floor.scene.config().radius;
         let near = 2.0 * radius + ROOM;
-        crowd.ahead(agent, WAY_AHEAD, &mut self.theirs);
-        let position = crowd.position(agent);
+        floor.ahead(agent, WAY_AHEAD, &mut self.theirs);
+        let position = floor.position(agent);
         for i in place + 1..self.order.len() {
             let other = self.order[i];
-            let there = crowd.position(other);
+            let there = floor.position(other);
             if there.distance(position) > NEAR {
                 continue;
             }
-            let walker = &crowd.walkers[other];
+            let walker = &floor.walkers[other];
             // Already on its way to a place that leaves room.
             let is_leaving = walker.aside.as_ref().is_some_and(|aside| {
                 let end = aside.line.route.end();
@@ -257,19 +277,23 @@ impl Yielding {
             let (distance, direction) = nearest_piece(there, &self.theirs);
             let goes_along = !walker.arrived
                 && walker.aside.is_none()
-                && walker.wish(there, crowd.scene.config().time_step).normalized().dot(direction) > SAME_WAY;
+                && walker.wish(there, floor.scene.config().time_step).normalized().dot(direction) > SAME_WAY;
             if is_leaving || distance >= near || goes_along {
                 continue;
             }
-            if let Some(route) = self.place_aside(crowd, other, agent, crowd.walkers[other].aside.is_some()) {
-                self.step_aside(crowd, other, agent, route);
-            } else if !crowd.walkers[other].arrived && crowd.walkers[agent].aside.is_none() {
+            if self.searches == 0 {
+                return;
+            }
+            self.searches -= 1;
+            if let Some(route) = self.place_aside(floor, other, agent, floor.walkers[other].aside.is_some()) {
+                self.step_aside(floor, other, agent, route);
+            } else if !floor.walkers[other].arrived && floor.walkers[agent].aside.is_none() {
                 // No place to go: it is the other way round.
-                let (high, low) = (crowd.walkers[agent].rank, crowd.walkers[other].rank);
-                if high < low && crowd.walkers[other].slow >= PATIENCE {
-                    crowd.walkers[agent].rank = low;
-                    crowd.walkers[other].rank = high;
-                    crowd.walkers[other].aside = None;
+                let (high, low) = (floor.walkers[agent].rank, floor.walkers[other].rank);
+                if high < low && floor.walkers[other].slow >= PATIENCE {
+                    floor.walkers[agent].rank = low;
+                    floor.walkers[other].rank = high;
+                    floor.walkers[other].aside = None;
                     return;
                 }
             }
@@ -277,35 +301,35 @@ impl Yielding {
     }
 
     /// Finds the nearest place off the ways of all who go first, and the way there.
-    fn place_aside(&mut self, crowd: &mut Crowd, agent: usize, for_whom: usize, strictly: bool) -> Option<Route> {
-        let scene = crowd.scene;
-        let (from, radius) = (crowd.position(agent), scene.config().radius);
+    fn place_aside(&mut self, floor: &mut Floor, agent: usize, for_whom: usize, strictly: bool) -> Option<Route> {
+        let scene = floor.scene;
+        let (from, radius) = (floor.position(agent), scene.config().radius);
         let (near, frame) = (2.0 * radius + ROOM, scene.frame());
         let mut ways = 0;
         self.standing.clear();
-        for other in 0..crowd.len() {
-            let there = crowd.position(other);
-            let is_ghost = crowd.walkers[other].is_ghost;
+        for other in 0..floor.len() {
+            let there = floor.position(other);
+            let is_ghost = floor.walkers[other].is_ghost;
             if other == agent || other == for_whom || is_ghost || there.distance(from) > WAY_AHEAD {
                 continue;
             }
             let goes_first = self.ranks[other] < self.ranks[agent];
-            if goes_first && !crowd.walkers[other].arrived {
+            if goes_first && !floor.walkers[other].arrived {
                 if ways == self.ways.len() {
                     self.ways.push(Vec::new());
                 }
-                crowd.ahead(other, OTHERS_AHEAD, &mut self.ways[ways]);
+                floor.ahead(other, OTHERS_AHEAD, &mut self.ways[ways]);
                 ways += 1;
             }
-            match &crowd.walkers[other].aside {
+            match &floor.walkers[other].aside {
                 Some(aside) => self.standing.push(aside.line.route.end()),
-                None if crowd.walkers[other].slow >= PATIENCE || crowd.walkers[other].arrived => {
+                None if floor.walkers[other].slow >= PATIENCE || floor.walkers[other].arrived => {
                     self.standing.push(there)
                 }
                 None => {}
             }
         }
-        let presser = crowd.position(for_whom);
+        let presser = floor.position(for_whom);
         let (own, theirs, others, standing) =
             (from.distance(presser), &self.theirs, &self.ways[..ways], &self.standing);
         let is_passable = |cell: Cell| {
@@ -320,7 +344,7 @@ impl Yielding {
                     && others.iter().all(|way| distance_to_line(center, way) >= off)
                     && standing.iter().all(|place| place.distance(center) >= near - ROOM)
             };
-            scene.router().nearest(scene.space(), &mut crowd.search, from, FARTHEST_ASIDE, is_passable, is_place)
+            scene.router().nearest(scene.space(), &mut floor.search, from, FARTHEST_ASIDE, is_passable, is_place)
         };
         let off_the_way = nearest(near);
         if !strictly && off_the_way.as_ref().is_none_or(|route| route.length() > FAR_ASIDE) {
@@ -330,14 +354,14 @@ impl Yielding {
     }
 
     /// Looks for a way around those who stand near an agent, and takes it unless it is much longer.
-    fn detour(&mut self, crowd: &mut Crowd, agent: usize) {
-        let scene = crowd.scene;
-        let position = crowd.position(agent);
-        crowd.walkers[agent].detour_pause = DETOUR_PAUSE;
+    fn detour(&mut self, floor: &mut Floor, agent: usize) {
+        let scene = floor.scene;
+        let position = floor.position(agent);
+        floor.walkers[agent].detour_pause = DETOUR_PAUSE;
         self.standing.clear();
-        for other in 0..crowd.len() {
-            let there = crowd.position(other);
-            let stands = !crowd.walkers[other].is_ghost && crowd.velocity(other).norm() < STANDING;
+        for other in 0..floor.len() {
+            let there = floor.position(other);
+            let stands = !floor.walkers[other].is_ghost && floor.velocity(other).norm() < STANDING;
             if other != agent && stands && there.distance(position) < NEAR {
                 self.standing.push(there);
             }
@@ -347,33 +371,33 @@ impl Yielding {
         }
         let (near, frame, standing) = (2.0 * scene.config().radius, scene.frame(), &self.standing);
         let is_free = |cell: Cell| standing.iter().all(|place| place.distance(frame.center(cell)) >= near);
-        let line = &crowd.walkers[agent].line;
+        let line = &floor.walkers[agent].line;
         let (goal, remaining) = (line.route.end(), line.remaining(position));
-        let route = scene.router().route(scene.space(), &mut crowd.search, position, goal, is_free);
+        let route = scene.router().route(scene.space(), &mut floor.search, position, goal, is_free);
         if let Some(route) = route.filter(|route| route.length() < remaining + LONGEST_DETOUR) {
-            crowd.walkers[agent].reroute(route, position, true);
-            crowd.tally.detours += 1;
+            floor.walkers[agent].reroute(route, position, true);
+            self.given.detours += 1;
         }
     }
 }
 
 /// Returns the rank of the agent for whom, in the end, an agent steps aside, and how far away that is; its own if it
 /// goes its own way.
-fn inherited_rank(crowd: &Crowd, agent: usize) -> Rank {
+fn inherited_rank(floor: &Floor, agent: usize) -> Rank {
     let (mut root, mut depth) = (agent, 0);
-    while let Some(aside) = &crowd.walkers[root].aside
-        && (depth as usize) < crowd.len()
+    while let Some(aside) = &floor.walkers[root].aside
+        && (depth as usize) < floor.len()
     {
         root = aside.for_whom;
         depth += 1;
     }
-    (own_rank(crowd, root), depth, agent)
+    (own_rank(floor, root), depth, agent)
 }
 
 /// Returns an agent's rank: those who have waited for long come before all others, then whoever set out earlier; who has
 /// arrived comes last.
-fn own_rank(crowd: &Crowd, agent: usize) -> OwnRank {
-    let walker = &crowd.walkers[agent];
+fn own_rank(floor: &Floor, agent: usize) -> OwnRank {
+    let walker = &floor.walkers[agent];
     (walker.slow < LONG_WAIT, if walker.arrived { u64::MAX } else { walker.rank })
 }
 
@@ -387,4 +411,80 @@ fn nearest_piece(point: Point, line: &[Point]) -> (f64, Point) {
         }
     }
     nearest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::crowd::plans::{TWO_ROOMS, plan};
+    use crate::domain::crowd::{CrowdConfig, Scene};
+    use crate::domain::random::Stream;
+
+    fn scene() -> Scene {
+        Scene::new(&plan(&TWO_ROOMS, 8), &CrowdConfig::default()).expect("a scene")
+    }
+
+    /// Puts agents on a floor and sends them off, in order.
+    fn floor<'s>(scene: &'s Scene, ways: &[[(f64, f64); 2]]) -> Floor<'s> {
+        let mut floor = Floor::new(scene);
+        for (rank, [from, to]) in (0..).zip(ways) {
+            let (from, to) = (Point::new(from.0, from.1), Point::new(to.0, to.1));
+            let agent = floor.add(from, 1.3, Stream::new(1, &[0; 32], rank, "noise"));
+            let route = scene.router().route(scene.space(), &mut floor.search, from, to, |_| true).expect("a way");
+            floor.walkers[agent].send(route, rank);
+        }
+        floor
+    }
+
+    #[test]
+    fn who_set_out_earlier_goes_through_the_door_and_the_other_waits_beside_its_way() {
+        // The door is at x = 6 m, 0.8 m wide; both are about to go in.
+        let scene = scene();
+        for first in [0, 1] {
+            let mut ways = [[(5.3, 2.0), (10.0, 2.0)], [(6.7, 2.0), (2.0, 2.0)]];
+            ways.rotate_left(first);
+            let mut floor = floor(&scene, &ways);
+            let given = Yielding::default().settle(&mut floor);
+            assert_eq!(given, Given { gave_way: 1, detours: 0 });
+            assert!(floor.walkers[0].has_entered && floor.walkers[0].aside.is_none());
+            let aside = floor.walkers[1].aside.as_ref().expect("it steps aside");
+            assert_eq!(aside.for_whom, 0);
+            let mut way = Vec::new();
+            floor.ahead(0, WAY_AHEAD, &mut way);
+            let place = aside.line.route.end();
+            assert!(distance_to_line(place, &way) >= BESIDE * 0.2, "{place:?} is on {way:?}");
+            assert!(!scene.gates().is_narrow(scene.space(), place));
+            // On its own side of the door.
+            assert_eq!(place.x > 6.0, first == 0, "{place:?}");
+        }
+    }
+
+    #[test]
+    fn nobody_gives_way_to_one_who_goes_the_same_way_or_is_alone() {
+        let scene = scene();
+        let ways = [[(5.3, 2.0), (10.0, 2.0)], [(4.7, 2.0), (10.0, 2.5)]];
+        for count in [1, 2] {
+            let mut floor = floor(&scene, &ways[..count]);
+            assert_eq!(Yielding::default().settle(&mut floor), Given::default());
+            assert!(floor.walkers.iter().all(|walker| walker.aside.is_none()));
+        }
+    }
+
+    #[test]
+    fn who_stepped_aside_goes_on_when_the_other_is_through() {
+        let scene = scene();
+        let mut floor = floor(&scene, &[[(5.3, 2.0), (10.0, 2.0)], [(6.7, 2.0), (2.0, 2.0)]]);
+        let mut yielding = Yielding::default();
+        yielding.settle(&mut floor);
+        // The first is far behind the other now, who has waited for long enough.
+        floor.simulation.set_position(0, Point::new(9.5, 2.0));
+        let position = floor.position(0);
+        floor.walkers[0].line.look(scene.space(), position);
+        for _ in 0..10 {
+            yielding.settle(&mut floor);
+        }
+        assert!(floor.walkers[1].aside.is_none());
+        // Its own way again, from where it is.
+        assert_eq!(floor.walkers[1].line.route.end(), Point::new(2.0, 2.0));
+    }
 }

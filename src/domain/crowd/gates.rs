@@ -9,6 +9,8 @@ use super::space::FreeSpace;
 const ROOM_TO_PASS: f64 = 0.1;
 /// An agent decides this far before a narrow place, in meters.
 pub const DECISION: f64 = 0.4;
+/// Two directions are the same way if the cosine between them is above this.
+pub const SAME_WAY: f64 = 0.3;
 /// Spacing of the points along a narrow stretch, in meters.
 const SPACING: f64 = 0.1;
 /// A stretch is left after this many points that are not narrow.
@@ -97,10 +99,9 @@ impl Gates {
 pub fn meet(mine: &[Stride], theirs: &[Stride], near: f64) -> bool {
     let near_squared = near * near;
     mine.iter().any(|a| {
-        theirs.iter().any(|b| {
-            (a.point - b.point).norm_squared() < near_squared
-                && a.direction.dot(b.direction) < super::deadlock::SAME_WAY
-        })
+        theirs
+            .iter()
+            .any(|b| (a.point - b.point).norm_squared() < near_squared && a.direction.dot(b.direction) < SAME_WAY)
     })
 }
 

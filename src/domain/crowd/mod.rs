@@ -14,12 +14,12 @@ mod config;
 mod contours;
 mod deadlock;
 mod episode;
+mod floor;
 mod gates;
 mod navigation;
 mod places;
 #[cfg(test)]
 mod plans;
-mod polygons;
 mod routes;
 mod scene;
 mod space;
@@ -28,7 +28,7 @@ mod walkers;
 
 pub use config::{CrowdConfig, CrowdFields, MOST_WALKERS, Preset, Speed, SpeedFields};
 pub use episode::{Episode, Summary};
-pub use navigation::{NavConfig, NavEpisode, Robot};
+pub use navigation::{FEWEST_PEDESTRIANS, NavConfig, NavEpisode, Robot};
 pub use routes::Route;
 pub use scene::Scene;
 pub use walkers::{Crowd, Status, Tally};

@@ -1,5 +1,7 @@
 //! Navigation episodes: one robot on its way through a crowd.
 
+use std::ops::ControlFlow;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,7 +14,9 @@ use super::scene::Scene;
 /// Fewest pedestrians of an episode: more than four (paper, section V-B).
 pub const FEWEST_PEDESTRIANS: usize = 5;
 /// How often an episode is drawn before its map is said to be too small.
-const ATTEMPTS: u32 = 200;
+const ATTEMPTS: u32 = 20;
+/// How often the robot's way is drawn anew among the same crowd.
+const WAYS: u32 = 50;
 
 /// What the pedestrians see of the robot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
@@ -34,11 +38,15 @@ pub struct NavConfig {
     /// Steps of every robot path; episodes whose path is shorter are drawn again.
     #[schemars(range(min = 1, max = 100_000))]
     pub steps: usize,
+    /// Seconds for which the pedestrians walk before the robot sets out: people at rest at random places are not where
+    /// people are.
+    #[schemars(range(min = 0.0, max = 86400.0))]
+    pub warmup: f64,
 }
 
 impl Default for NavConfig {
     fn default() -> Self {
-        Self { robot: Robot::Agent, steps: 50 }
+        Self { robot: Robot::Agent, steps: 50, warmup: 20.0 }
     }
 }
 
@@ -48,11 +56,22 @@ impl NavConfig {
     /// # Errors
     /// [`CrowdError::Setting`] names the first field that does not.
     pub fn check(&self) -> Result<(), CrowdError> {
-        if (1..=100_000).contains(&self.steps) {
-            return Ok(());
+        if !(1..=100_000).contains(&self.steps) {
+            let value = self.steps.to_string();
+            return Err(CrowdError::Setting { field: "steps", value, allowed: "1 to 100000".to_owned() });
         }
-        let value = self.steps.to_string();
-        Err(CrowdError::Setting { field: "steps", value, allowed: "1 to 100000".to_owned() })
+        // Written so that what is not a number is refused too.
+        if !(self.warmup >= 0.0 && self.warmup <= 86_400.0) {
+            let value = self.warmup.to_string();
+            return Err(CrowdError::Setting { field: "warmup", value, allowed: "0 to 86400".to_owned() });
+        }
+        Ok(())
+    }
+
+    /// Returns the number of steps that the crowd walks before the robot sets out.
+    #[must_use]
+    pub fn warmup_steps(&self, time_step: f64) -> usize {
+        (self.warmup / time_step + 0.499).floor() as usize
     }
 }
 
@@ -63,17 +82,18 @@ pub struct NavEpisode {
     pub samples: Vec<Sample>,
     /// Identifier of the robot.
     pub robot: i64,
-    /// What happened, the robot included; only of the episode that was kept.
+    /// What happened, the robot and the time before it set out included; only of the episode that was kept.
     pub summary: Summary,
-    /// How many episodes were drawn until the robot's path was long enough.
+    /// How many crowds were drawn until the robot's path was long enough.
     pub attempts: u32,
 }
 
 impl Scene {
     /// Computes navigation episode `number` under a seed, for the map of a digest.
     ///
-    /// At least five pedestrians walk as in [`Scene::episode`]; the robot goes from its start to one goal at the mean
-    /// speed. The episode ends after the given number of steps; if the robot gets there earlier it is drawn again.
+    /// At least five pedestrians walk as in [`Scene::episode`]. When they have done so for the time of the warm-up, the
+    /// robot is put where there is room for it, and goes to one goal at the mean speed: that is frame 0. The episode ends
+    /// after the given number of steps; if the robot gets there earlier it is drawn again.
     ///
     /// # Errors
     /// [`CrowdError::ShortRobotPaths`] if many draws in a row were too short.
@@ -84,45 +104,88 @@ impl Scene {
         number: u32,
         config: &NavConfig,
     ) -> Result<NavEpisode, CrowdError> {
-        config.check()?;
-        (0..ATTEMPTS)
-            .find_map(|attempt| self.attempt(seed, map_digest, number, attempt, config))
-            .ok_or(CrowdError::ShortRobotPaths { attempts: ATTEMPTS, steps: config.steps })
+        let tick = &mut || ControlFlow::Continue(());
+        Ok(self.watched_navigation_episode(seed, map_digest, number, config, tick)?.expect("nobody breaks it off"))
     }
 
-    fn attempt(&self, seed: u64, map: &[u8; 32], number: u32, attempt: u32, config: &NavConfig) -> Option<NavEpisode> {
-        let name = format!("navigate, attempt {attempt}");
-        let source = Source { seed, map, number, name: &name };
+    /// Computes an episode as [`Scene::navigation_episode`] does and calls `tick` after each step, also of those that are
+    /// drawn again; `None` if that breaks it off.
+    ///
+    /// # Errors
+    /// As [`Scene::navigation_episode`].
+    pub fn watched_navigation_episode(
+        &self,
+        seed: u64,
+        map_digest: &[u8; 32],
+        number: u32,
+        config: &NavConfig,
+        tick: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Option<NavEpisode>, CrowdError> {
+        config.check()?;
+        for attempt in 0..ATTEMPTS {
+            let name = format!("navigate, attempt {attempt}");
+            let source = Source { seed, map: map_digest, number, name: &name };
+            match self.attempt(source, config, tick) {
+                ControlFlow::Break(()) => return Ok(None),
+                ControlFlow::Continue(Some(episode)) => {
+                    return Ok(Some(NavEpisode { attempts: attempt + 1, ..episode }));
+                }
+                ControlFlow::Continue(None) => {}
+            }
+        }
+        Err(CrowdError::ShortRobotPaths { attempts: ATTEMPTS * WAYS, steps: config.steps })
+    }
+
+    /// Draws a crowd, lets it walk and sends a robot through it; `None` if the robot finds no way that is long enough.
+    fn attempt(
+        &self,
+        source: Source,
+        config: &NavConfig,
+        tick: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> ControlFlow<(), Option<NavEpisode>> {
         let mut wanderers = Wanderers::new(self, source, FEWEST_PEDESTRIANS);
         let pedestrians = wanderers.crowd.len();
-        let start = wanderers.draw_start(&mut source.stream("start", usize::MAX))?;
-        let speed = self.config().speed.mean;
-        let mut goals = source.stream("goals", usize::MAX);
-        let robot = wanderers.add(start, speed, goals.clone(), source.stream("noise", usize::MAX));
-        wanderers.crowd.set_visible(robot, config.robot == Robot::Agent);
-        let travels = wanderers.crowd.send_somewhere(robot, &mut goals);
-        // Even unhindered it would be there too early.
-        let longest = speed * self.config().time_step * config.steps as f64;
-        if !travels || wanderers.crowd.remaining(robot) < longest {
-            return None;
+        for _ in 0..config.warmup_steps(self.config().time_step) {
+            wanderers.step(pedestrians);
+            tick()?;
         }
-        wanderers.summary.paths += 1;
+        let Some(robot) = self.set_out(&mut wanderers, source, config) else { return ControlFlow::Continue(None) };
         let mut tracks = vec![Vec::with_capacity(config.steps + 1); pedestrians + 1];
         for frame in 0..=config.steps {
             if frame > 0 {
-                wanderers.renew_goals(pedestrians);
-                wanderers.crowd.step();
+                wanderers.step(pedestrians);
+                tick()?;
             }
             for (agent, track) in tracks.iter_mut().enumerate() {
-                track.push(wanderers.sample(agent, number, frame));
+                track.push(wanderers.sample(agent, source.number, frame));
             }
             if wanderers.has_arrived(robot) && frame < config.steps {
-                return None;
+                return ControlFlow::Continue(None);
             }
         }
         wanderers.count_ends();
         let samples = tracks.concat();
         let robot = samples.last().expect("the robot has samples").id;
-        Some(NavEpisode { samples, robot, summary: wanderers.summary(), attempts: attempt + 1 })
+        ControlFlow::Continue(Some(NavEpisode { samples, robot, summary: wanderers.summary(), attempts: 1 }))
+    }
+
+    /// Puts a robot where there is room among the pedestrians as they are now, on a way that it cannot reach the end of too
+    /// early; returns its index, or `None` if many draws found no such way.
+    fn set_out(&self, wanderers: &mut Wanderers, source: Source, config: &NavConfig) -> Option<usize> {
+        let speed = self.config().speed.mean;
+        let shortest = speed * self.config().time_step * config.steps as f64;
+        let (mut starts, mut goals) = (source.stream("start", usize::MAX), source.stream("goals", usize::MAX));
+        let mut way = || {
+            let start = wanderers.draw_start(&mut starts)?;
+            let route = wanderers.crowd.draw_route(start, &mut goals)?;
+            (route.length() >= shortest).then_some((start, route))
+        };
+        let (start, route) = (0..WAYS).find_map(|_| way())?;
+        let robot = wanderers.add(start, speed, goals, source.stream("noise", usize::MAX));
+        wanderers.crowd.set_visible(robot, config.robot == Robot::Agent);
+        let length = route.length();
+        wanderers.crowd.send_along(robot, route);
+        wanderers.note_path(robot, length);
+        Some(robot)
     }
 }

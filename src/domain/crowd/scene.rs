@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use crate::domain::geometry::{Frame, Point};
-use crate::domain::map::{MapError, OccupancyMap};
+use crate::domain::map::OccupancyMap;
 use crate::domain::orca::Obstacles;
 
 use super::CrowdError;
@@ -11,7 +11,6 @@ use super::config::CrowdConfig;
 use super::contours::walls;
 use super::gates::Gates;
 use super::places::Places;
-use super::polygons;
 use super::routes::Router;
 use super::space::FreeSpace;
 
@@ -38,24 +37,15 @@ impl Scene {
         Self::assemble(space, &walls, config)
     }
 
-    /// Makes a world ready that is given as polygons: counter-clockwise ones are solid, clockwise ones are rooms seen
-    /// from inside, two vertices are a segment with both sides. The map that routes run on has all `points` on it.
-    ///
-    /// Agents live in the local frame, which is that of the polygons moved to the map's corner: [`Scene::frame`].
+    /// Makes a map ready whose walls are given as polygons in its local frame, where contours of its cells would be too
+    /// coarse: counter-clockwise ones are solid, clockwise ones are rooms seen from inside, two vertices are a segment with
+    /// both sides.
     ///
     /// # Errors
     /// [`CrowdError`] if a setting is out of range, a polygon is none, or no agent fits anywhere.
-    pub fn from_polygons(polygons: &[Vec<Point>], points: &[Point], config: &CrowdConfig) -> Result<Self, CrowdError> {
+    pub fn with_walls(map: &OccupancyMap, walls: &[Vec<Point>], config: &CrowdConfig) -> Result<Self, CrowdError> {
         config.check()?;
-        let map = polygons::draw(polygons, points).map_err(|error| match error {
-            MapError::NoFreeSpace | MapError::FrameMismatch { .. } | MapError::Resolution(_) => {
-                CrowdError::NoRoom { radius: config.radius }
-            }
-        })?;
-        let frame = *map.frame();
-        let local: Vec<Vec<Point>> =
-            polygons.iter().map(|polygon| polygon.iter().map(|p| frame.to_local(*p)).collect()).collect();
-        Self::assemble(FreeSpace::new(&map, config.radius), &local, config)
+        Self::assemble(FreeSpace::new(map, config.radius), walls, config)
     }
 
     fn assemble(space: FreeSpace, walls: &[Vec<Point>], config: &CrowdConfig) -> Result<Self, CrowdError> {

@@ -1,18 +1,16 @@
 //! Walkers with given goals, moved step by step.
 
 use std::ops::AddAssign;
-use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
 use crate::domain::geometry::Point;
-use crate::domain::orca::{AgentParameters, Simulation};
 use crate::domain::random::Stream;
 
 use super::deadlock::Yielding;
-use super::routes::{Route, Search};
+use super::floor::Floor;
+use super::routes::Route;
 use super::scene::Scene;
-use super::walker::{Line, Walker};
 
 /// How an agent's present path goes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,11 +78,8 @@ const TOLERATED: f64 = 0.01;
 /// Agents among the walls of a scene, each with a goal.
 #[derive(Debug)]
 pub struct Crowd<'s> {
-    pub(super) scene: &'s Scene,
-    pub(super) simulation: Simulation,
-    pub(super) walkers: Vec<Walker>,
-    pub(super) search: Search,
-    pub(super) tally: Tally,
+    floor: Floor<'s>,
+    tally: Tally,
     yielding: Yielding,
     sent: u64,
     before: Vec<Point>,
@@ -95,10 +90,7 @@ impl<'s> Crowd<'s> {
     #[must_use]
     pub fn new(scene: &'s Scene) -> Self {
         Self {
-            scene,
-            simulation: Simulation::new(scene.config().time_step, Arc::clone(scene.obstacles())),
-            walkers: Vec::new(),
-            search: scene.router().search(),
+            floor: Floor::new(scene),
             tally: Tally::default(),
             yielding: Yielding::default(),
             sent: 0,
@@ -110,32 +102,20 @@ impl<'s> Crowd<'s> {
     ///
     /// An agent that would start in a wall starts at the nearest place, at most a meter off, where it does not.
     pub fn add(&mut self, position: Point, speed: f64, noise: Stream) -> usize {
-        let config = self.scene.config();
-        let position = self.scene.space().nearest_start(position, 1.0).unwrap_or(position);
-        self.walkers.push(Walker::new(position, speed, noise, config.time_step));
-        self.simulation.add_agent(
-            position,
-            AgentParameters {
-                radius: config.radius,
-                max_speed: speed * config.max_speed_factor,
-                neighbor_distance: config.neighbor_distance,
-                max_neighbors: config.max_neighbors,
-                time_horizon: config.horizon,
-                obstacle_horizon: config.obstacle_horizon,
-            },
-        )
+        self.floor.add(position, speed, noise)
     }
 
     /// Sets whether the others heed an agent.
     pub fn set_visible(&mut self, agent: usize, visible: bool) {
-        self.simulation.set_visible(agent, visible);
-        self.walkers[agent].is_ghost = !visible;
+        self.floor.simulation.set_visible(agent, visible);
+        self.floor.walkers[agent].is_ghost = !visible;
     }
 
     /// Sends an agent to a goal; returns `false`, and lets it be, if no way leads there.
     pub fn send(&mut self, agent: usize, goal: Point) -> bool {
         let from = self.position(agent);
-        let route = self.scene.router().route(self.scene.space(), &mut self.search, from, goal, |_| true);
+        let route =
+            self.floor.scene.router().route(self.floor.scene.space(), &mut self.floor.search, from, goal, |_| true);
         route.is_some_and(|route| {
             self.send_along(agent, route);
             true
@@ -144,54 +124,64 @@ impl<'s> Crowd<'s> {
 
     /// Sends an agent along a route that begins where it is.
     pub fn send_along(&mut self, agent: usize, route: Route) {
-        self.walkers[agent].send(route, self.sent);
+        self.floor.walkers[agent].send(route, self.sent);
         self.sent += 1;
     }
 
-    /// Sends an agent to a goal drawn from the scene's places; returns `false` if there is none.
-    pub(super) fn send_somewhere(&mut self, agent: usize, stream: &mut Stream) -> bool {
-        let (scene, from) = (self.scene, self.position(agent));
-        let route = scene.places().goal(scene.space(), scene.router(), &mut self.search, stream, from);
-        route.is_some_and(|route| {
-            self.send_along(agent, route);
-            true
-        })
+    /// Sends an agent to a goal drawn from the scene's places; returns the length of the way in meters, or `None` if there
+    /// is no goal.
+    pub(super) fn send_somewhere(&mut self, agent: usize, stream: &mut Stream) -> Option<f64> {
+        let route = self.draw_route(self.position(agent), stream)?;
+        let length = route.length();
+        self.send_along(agent, route);
+        Some(length)
+    }
+
+    /// Draws a goal from the scene's places and finds the way there.
+    pub(super) fn draw_route(&mut self, from: Point, stream: &mut Stream) -> Option<Route> {
+        let scene = self.floor.scene;
+        scene.places().goal(scene.space(), scene.router(), &mut self.floor.search, stream, from)
+    }
+
+    /// Returns where the crowd walks.
+    pub(super) const fn scene(&self) -> &'s Scene {
+        self.floor.scene
     }
 
     /// Returns the number of agents.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.walkers.len()
+        self.floor.len()
     }
 
     /// Tells whether there are no agents.
     #[must_use]
     pub fn is_empty(&self) -> bool {
-        self.walkers.is_empty()
+        self.floor.len() == 0
     }
 
     /// Returns the position of an agent in the local frame, in meters.
     #[must_use]
     pub fn position(&self, agent: usize) -> Point {
-        self.simulation.position(agent)
+        self.floor.position(agent)
     }
 
     /// Returns the velocity of an agent in m/s.
     #[must_use]
     pub fn velocity(&self, agent: usize) -> Point {
-        self.simulation.velocity(agent)
+        self.floor.velocity(agent)
     }
 
     /// Returns the length of the way to an agent's goal that is left, in meters.
     #[must_use]
     pub fn remaining(&self, agent: usize) -> f64 {
-        self.walkers[agent].line.remaining(self.position(agent))
+        self.floor.walkers[agent].line.remaining(self.position(agent))
     }
 
     /// Returns how the present path of an agent goes.
     #[must_use]
     pub fn status(&self, agent: usize) -> Status {
-        let walker = &self.walkers[agent];
+        let walker = &self.floor.walkers[agent];
         if walker.arrived {
             Status::Arrived
         } else if walker.is_stuck() {
@@ -209,28 +199,28 @@ impl<'s> Crowd<'s> {
 
     /// Moves everyone by one time step.
     pub fn step(&mut self) {
-        let mut yielding = std::mem::take(&mut self.yielding);
-        yielding.settle(self);
-        self.yielding = yielding;
-        for agent in 0..self.walkers.len() {
+        let given = self.yielding.settle(&mut self.floor);
+        self.tally.gave_way += given.gave_way;
+        self.tally.detours += given.detours;
+        for agent in 0..self.floor.walkers.len() {
             self.set_wish(agent);
         }
         self.before.clear();
-        self.before.extend((0..self.walkers.len()).map(|agent| self.simulation.position(agent)));
-        self.simulation.step();
+        self.before.extend((0..self.floor.walkers.len()).map(|agent| self.floor.simulation.position(agent)));
+        self.floor.simulation.step();
         self.keep_out_of_walls();
         self.count_overlaps();
-        let time_step = self.scene.config().time_step;
-        for (agent, walker) in self.walkers.iter_mut().enumerate() {
-            walker.note(self.simulation.position(agent), time_step);
+        let time_step = self.floor.scene.config().time_step;
+        for (agent, walker) in self.floor.walkers.iter_mut().enumerate() {
+            walker.note(self.floor.simulation.position(agent), time_step);
         }
     }
 
     /// Sets an agent's preferred velocity: towards the furthest point of its line in sight, with noise.
     fn set_wish(&mut self, agent: usize) {
-        let (scene, config) = (self.scene, self.scene.config());
-        let position = self.simulation.position(agent);
-        let walker = &mut self.walkers[agent];
+        let (scene, config) = (self.floor.scene, self.floor.scene.config());
+        let position = self.floor.simulation.position(agent);
+        let walker = &mut self.floor.walkers[agent];
         if let Some(aside) = &mut walker.aside
             && !aside.line.look(scene.space(), position)
         {
@@ -239,23 +229,23 @@ impl<'s> Crowd<'s> {
         if walker.aside.is_none() && !walker.line.look(scene.space(), position) {
             // Pushed out of sight of its route: find the way anew.
             let goal = walker.line.route.end();
-            if let Some(route) = scene.router().route(scene.space(), &mut self.search, position, goal, |_| true) {
+            if let Some(route) = scene.router().route(scene.space(), &mut self.floor.search, position, goal, |_| true) {
                 walker.reroute(route, position, false);
                 walker.line.look(scene.space(), position);
             }
         }
         let wish = walker.wish(position, config.time_step);
         let wish = self.evading(wish, agent);
-        let walker = &mut self.walkers[agent];
+        let walker = &mut self.floor.walkers[agent];
         let wish = wish + walker.noise(config.noise, config.time_step);
-        if walker.slow > 0.0 && wish.dot(self.simulation.velocity(agent)) < HELD_UP * wish.norm_squared() {
+        if walker.slow > 0.0 && wish.dot(self.floor.simulation.velocity(agent)) < HELD_UP * wish.norm_squared() {
             // ORCA lays its half-planes around the present velocities. That of an agent which is held up is the one that
             // the others force on it, and they would go on to push it along; so its wish takes that place, which the
             // paper names as the other choice. All sides still use the same velocities, so the half-planes stay
             // reciprocal.
-            self.simulation.set_velocity(agent, wish * INSISTENCE);
+            self.floor.simulation.set_velocity(agent, wish * INSISTENCE);
         }
-        self.simulation.set_preferred_velocity(agent, wish);
+        self.floor.simulation.set_preferred_velocity(agent, wish);
     }
 
     /// Turns a wish aside where someone comes straight towards the agent: to the side on which there is more room, or to
@@ -263,14 +253,14 @@ impl<'s> Crowd<'s> {
     ///
     /// ORCA lets a head-on pair push each other along instead: who comes walking never has to slow down for who gives in.
     fn evading(&self, wish: Point, agent: usize) -> Point {
-        let space = self.scene.space();
-        let (position, heading) = (self.simulation.position(agent), wish.normalized());
+        let space = self.floor.scene.space();
+        let (position, heading) = (self.floor.simulation.position(agent), wish.normalized());
         let mut met = None;
         let mut nearest = EVADE;
-        for (other, disc) in self.simulation.discs().iter().enumerate() {
+        for (other, disc) in self.floor.simulation.discs().iter().enumerate() {
             let to = disc.position - position;
             let ahead = to.dot(heading);
-            if other == agent || self.walkers[other].is_ghost || ahead <= 0.0 || ahead > nearest {
+            if other == agent || self.floor.walkers[other].is_ghost || ahead <= 0.0 || ahead > nearest {
                 continue;
             }
             let left = heading.det(to);
@@ -288,16 +278,16 @@ impl<'s> Crowd<'s> {
     }
 
     fn keep_out_of_walls(&mut self) {
-        let space = self.scene.space();
-        for agent in 0..self.walkers.len() {
-            let (from, to) = (self.before[agent], self.simulation.position(agent));
+        let space = self.floor.scene.space();
+        for agent in 0..self.floor.walkers.len() {
+            let (from, to) = (self.before[agent], self.floor.simulation.position(agent));
             let kept = space.keep_out(from, to);
             if kept != to {
-                self.simulation.set_position(agent, kept);
-                self.simulation.set_velocity(agent, (kept - from) * (1.0 / self.simulation.time_step()));
+                self.floor.simulation.set_position(agent, kept);
+                self.floor.simulation.set_velocity(agent, (kept - from) * (1.0 / self.floor.simulation.time_step()));
                 self.tally.corrected_moves += 1;
             }
-            let overlap = self.scene.wall_overlap(kept);
+            let overlap = self.floor.scene.wall_overlap(kept);
             self.tally.agent_steps += 1;
             self.tally.wall_overlap_max_m = self.tally.wall_overlap_max_m.max(overlap);
             self.tally.wall_hits += u64::from(overlap > TOLERATED);
@@ -306,24 +296,18 @@ impl<'s> Crowd<'s> {
     }
 
     fn count_overlaps(&mut self) {
-        let reach = 2.0 * self.scene.config().radius;
-        let discs = self.simulation.discs();
+        let reach = 2.0 * self.floor.scene.config().radius;
+        let discs = self.floor.simulation.discs();
         for (i, disc) in discs.iter().enumerate() {
             for (j, other) in discs.iter().enumerate().skip(i + 1) {
                 let squared = (disc.position - other.position).norm_squared();
-                if squared < reach * reach && !self.walkers[i].is_ghost && !self.walkers[j].is_ghost {
+                if squared < reach * reach && !self.floor.walkers[i].is_ghost && !self.floor.walkers[j].is_ghost {
                     let overlap = reach - squared.sqrt();
                     self.tally.agent_overlap_max_m = self.tally.agent_overlap_max_m.max(overlap);
                     self.tally.agent_hits += u64::from(overlap > TOLERATED);
                 }
             }
         }
-    }
-
-    /// Returns the way ahead of an agent for at most `length` meters.
-    pub(super) fn ahead(&self, agent: usize, length: f64, points: &mut Vec<Point>) {
-        let line: &Line = self.walkers[agent].current();
-        line.ahead(self.position(agent), length, points);
     }
 }
 

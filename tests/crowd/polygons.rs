@@ -1,7 +1,7 @@
 //! Maps drawn from polygonal walls, for worlds that are given as polygons.
 
-use crate::domain::geometry::{Cell, Frame, Grid, Point};
-use crate::domain::map::{MapError, OccupancyMap};
+use trodden::domain::geometry::{Cell, Frame, Grid, Point};
+use trodden::domain::map::{MapError, OccupancyMap};
 
 /// Edge of a cell of such maps in meters.
 const RESOLUTION: f64 = 0.05;
