@@ -8,6 +8,7 @@ use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use proptest::prelude::*;
 use trodden::domain::geometry::{Frame, Grid, Point};
 use trodden::domain::raster::VisitCounts;
+use trodden::domain::score::ClassScores;
 use trodden::domain::tiles::Tiles;
 use trodden::domain::tracks::{Sample, Tracks};
 use trodden::kinds::{Checkpoint, Kind, KindError, Placed, SingleFile, TrackReader, TrackWriter, Written, chunk_files};
@@ -45,6 +46,7 @@ fn every_kind_comes_back() {
     check(&store, &Placed { frame: Frame::at_zero(0.1, 4, 5), ..samples::tracks(0..3, 2, 9) });
     check(&store, &Placed { frame: Frame::at_zero(0.1, 4, 5), ..samples::trips() });
     check(&store, &samples::scores());
+    check(&store, &ClassScores { weights: None, ..samples::scores() });
     check(&store, &samples::costs());
     check(&store, &samples::checkpoint());
 }
@@ -76,7 +78,7 @@ fn chunks_are_read_in_the_order_of_their_numbers() {
 #[test]
 fn long_tracks_are_written_and_read_piece_by_piece() {
     let tracks = samples::tracks(0..30, 10, 1000);
-    let mut writer = TrackWriter::new(Vec::new(), tracks.frame, 10.0).expect("a writer");
+    let mut writer = TrackWriter::new(Vec::new(), tracks.frame, 10.0, 0.2).expect("a writer");
     writer.extend(&tracks.value.samples).expect("written");
     let bytes = writer.finish().expect("finished");
     let file = ParquetRecordBatchReaderBuilder::try_new(bytes::Bytes::from(bytes.clone())).expect("a file");

@@ -9,12 +9,11 @@ use trodden::domain::geometry::Grid;
 use trodden::domain::homes::{HomeConfig, generate};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::quantize::{Labels, OBSTACLE, QuantizeConfig, quantize};
-use trodden::domain::random::Stream;
 use trodden::domain::raster::{RasterConfig, VisitCounts, rasterize};
 use trodden::domain::score::{Scored, score};
-use trodden::domain::social::{CostConfig, social_costs};
+use trodden::domain::social::{CostConfig, Draws, Predictor, social_costs};
 use trodden::domain::tiles::{LabeledMap, TileConfig, cut};
-use trodden::domain::tracks::Sample;
+use trodden::domain::tracks::{Sample, Tracks};
 use trodden::domain::unet::{Array, Arrays, EpochMetrics, TrainState};
 use trodden::kinds::{
     Checkpoint, CheckpointConfig, Heat, Kind, NavEpisodes, NavSample, Placed, TrackWriter, Written, chunk_files,
@@ -102,7 +101,7 @@ impl Maker {
             let mut summary = Summary::default();
             episodes.iter().for_each(|episode| summary += episode.summary);
             let sink = self.store.create().expect("the store takes it");
-            let mut writer = TrackWriter::new(sink, *map.frame(), 10.0).expect("starts");
+            let mut writer = TrackWriter::new(sink, *map.frame(), 10.0, 0.2).expect("starts");
             writer.extend(&part).expect("ordered samples");
             writer.note("summary", &serde_json::to_string(&summary).expect("a summary is JSON"));
             let file = writer.finish().expect("ends").finish("").expect("the store takes it");
@@ -112,11 +111,14 @@ impl Maker {
             self.node(&chunk, Role::Chunk, "simulate", "Trajectories", artifact, &[&of("maps")]);
             samples.extend(part);
         }
-        let bundle = self.store.bundle("Trajectories", 1, chunk_files(&chunks).expect("single files")).expect("stores");
+        let bundle = self
+            .store
+            .bundle("Trajectories", Placed::<Tracks>::FORMAT, chunk_files(&chunks).expect("single files"))
+            .expect("stores");
         let parts = [format!("{}/chunk-00", of("walks")), format!("{}/chunk-01", of("walks"))];
         let parts: Vec<&str> = parts.iter().map(String::as_str).collect();
         self.node(&of("walks"), Role::Node, "simulate", "Trajectories", bundle, &parts);
-        let visits = rasterize(&map, &samples, &RasterConfig::default()).expect("counts");
+        let visits = rasterize(&map, &samples, &RasterConfig::default().sweep(10.0, 0.2)).expect("counts");
         let labels = quantize(&map, &visits, &QuantizeConfig::default()).expect("bins");
         let frame = *map.frame();
         self.add(&of("visits"), "rasterize", &Placed::new(frame, visits.clone()), &[&of("maps"), &of("walks")]);
@@ -169,8 +171,13 @@ impl Maker {
         let (map, own) = (format!("maps/{}", on.name), format!("{stage}/{}", on.name));
         let value = Heat { heat: heat.clone(), classes: classes.clone(), probabilities };
         self.add(&own, "annotate", &Placed::new(frame, value), &[&map, "model"]);
-        let scored =
-            Scored { heat: &heat, predicted: &classes, labels: &on.labels, visits: Some(&on.visits), weights: None };
+        let scored = Scored {
+            heat: &heat,
+            predicted: &classes,
+            labels: &on.labels,
+            visits: Some(&on.visits),
+            weights: Some(&[0.1, 0.2, 0.3, 0.4]),
+        };
         let scores = score(&scored).expect("scores");
         let read = [format!("labels/{}", on.name), format!("visits/{}", on.name)];
         self.add(&format!("scores-{stage}/{}", on.name), "score", &scores, &[&own, &read[0], &read[1]]);
@@ -190,10 +197,11 @@ impl Maker {
             let robot = episode.robot;
             samples.extend(episode.samples.into_iter().map(|sample| NavSample { sample, robot: sample.id == robot }));
         }
-        let trips = NavEpisodes { frame_rate: 10.0, samples };
-        let mut stream = Stream::new(1, &[3; 32], 0, "cost/chance");
-        let frame = on.map.frame();
-        let costs = social_costs(&trips.steps(), heat, frame, &CostConfig::default(), &mut stream).expect("costs");
+        let trips = NavEpisodes { frame_rate: 10.0, samples, summary: None };
+        let (frame, draws) = (on.map.frame(), Draws { seed: 1, input: &[3; 32] });
+        let constant = on.map.free().map(|free| if *free { 1.0 } else { 0.0 });
+        let heats = [(Predictor::Model, heat), (Predictor::Constant, &constant)];
+        let costs = social_costs(&trips.steps(), &heats, frame, &CostConfig::default(), &draws).expect("costs");
         let (map, own) = (format!("maps/{}", on.name), format!("trips/{}", on.name));
         self.add(&own, "navigate", &Placed::new(*frame, trips), &[&map]);
         self.add(&format!("costs/{}", on.name), "cost", &costs, &[&own, heat_node]);
@@ -262,6 +270,7 @@ fn the_report_shows_a_finished_run() {
     for expected in [
         "AUC of the wall distance",
         "heat-wide",
+        "ρ of the wall distance",
         "Stuck paths",
         "Loss (eq. 4)",
         "home_1000",
@@ -269,6 +278,12 @@ fn the_report_shows_a_finished_run() {
     ] {
         assert!(page.contains(expected), "{expected}");
     }
+    // A row and a box for each heat that costs are predicted from, with intervals.
+    for predictor in ["model", "constant"] {
+        assert_eq!(page.matches(&format!("<td>{predictor}</td>")).count(), 1, "{predictor}");
+        assert_eq!(page.matches(&format!("home_1000, {predictor}</text>")).count(), 1, "{predictor}");
+    }
+    assert!(page.contains("% ["), "an interval");
     // Drawn once: the second time everything comes from the cache, and is the same.
     let (first, again) = (page, html::render(&maker.store, &maker.run));
     assert!(first == again);

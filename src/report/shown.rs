@@ -8,7 +8,7 @@ use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE, UNLABELED};
 use crate::domain::raster::VisitCounts;
 use crate::domain::score::ClassScores;
-use crate::domain::social::SocialCosts;
+use crate::domain::social::{Estimate, SocialCosts};
 use crate::domain::tiles::Tiles;
 use crate::domain::tracks::Tracks;
 use crate::kinds::parquet::Table;
@@ -158,6 +158,7 @@ impl Shown {
         facts.push(fact("pedestrians", range(agents)));
         let time = seconds(lengths().max().unwrap_or(0) as f64 / placed.value.frame_rate);
         facts.push(fact("robot path", format!("{} steps, {time}", range(lengths()))));
+        facts.extend(placed.value.summary.iter().flat_map(crowd_facts));
         Self::drawn(facts, tracks::episodes(&placed.frame, &placed.value, None))
     }
 
@@ -238,10 +239,21 @@ pub(super) fn crowd_summary(store: &Store, artifact: &Artifact) -> Result<Option
 }
 
 fn crowd_facts(summary: &Summary) -> Vec<(String, String)> {
-    vec![
+    let mut facts = vec![
         fact("stuck paths", format!("{} of {} ({:.2} %)", summary.stuck, summary.paths, 100.0 * summary.stuck_share())),
         fact("discs in walls", format!("{} of {} positions", summary.tally.wall_hits, summary.tally.agent_steps)),
-    ]
+    ];
+    if summary.missing_agents > 0 {
+        let asked = summary.agents + summary.missing_agents;
+        facts.push(fact("agents without room", format!("{} of {asked}", summary.missing_agents)));
+    }
+    if summary.near_goals > 0 {
+        facts.push(fact("goals nearer than asked", format!("{} of {} paths", summary.near_goals, summary.paths)));
+    }
+    if summary.waits > 0 {
+        facts.push(fact("times without a goal", summary.waits));
+    }
+    facts
 }
 
 /// Sets windows beside each other, evenly spaced among all of them: occupancy above, classes below.
@@ -291,6 +303,7 @@ fn class_scores(scores: &ClassScores) -> Vec<(String, String)> {
         fact("AUC", figure(scores.auc)),
         fact("AUC of the distance to the nearest wall", figure(scores.auc_wall_distance())),
         fact("Spearman with visits", figure(scores.spearman_visits)),
+        fact("Spearman of the distance to the nearest wall", figure(scores.spearman_wall_distance())),
         fact("mean recall", figure(confusion.mean_recall())),
         fact("quadratic kappa", figure(confusion.quadratic_kappa())),
         fact("errors that hit an adjacent class", percent(confusion.adjacent_errors())),
@@ -298,13 +311,18 @@ fn class_scores(scores: &ClassScores) -> Vec<(String, String)> {
 }
 
 fn social_costs(costs: &SocialCosts) -> Vec<(String, String)> {
-    vec![
-        fact("episodes", costs.episodes.len()),
-        fact("within 25 % of the right rank", percent(Some(costs.within_quarter))),
-        fact("the same by chance", percent(Some(costs.chance))),
-        fact("Spearman", figure(costs.spearman)),
-        fact("Kendall", figure(costs.kendall)),
-    ]
+    let mut facts = vec![fact("episodes", costs.predictors.first().map_or(0, |first| first.episodes.len()))];
+    for costs in &costs.predictors {
+        let within = with_interval(Some(costs.within_quarter), percent);
+        let figures = format!(
+            "Spearman {}, Kendall {}, within 25 % of the right rank {within}, by chance {}",
+            with_interval(costs.spearman, figure),
+            with_interval(costs.kendall, figure),
+            percent(Some(costs.chance)),
+        );
+        facts.push(fact(costs.predictor.name(), figures));
+    }
+    facts
 }
 
 fn place(frame: &Frame) -> Vec<(String, String)> {
@@ -351,4 +369,15 @@ pub(super) fn figure(value: Option<f64>) -> String {
 /// Writes a share that may not be defined.
 pub(super) fn percent(value: Option<f64>) -> String {
     value.map_or_else(|| "–".to_owned(), |value| format!("{:.1} %", 100.0 * value))
+}
+
+/// Writes a figure and in brackets the interval around it; `write` writes one number.
+pub(super) fn with_interval(estimate: Option<Estimate>, write: fn(Option<f64>) -> String) -> String {
+    let Some(Estimate { value, low, high }) = estimate else { return write(None) };
+    format!("{} [{}, {}]", write(Some(value)), write(Some(low)), write(Some(high)))
+}
+
+/// Writes a probability that may be very small.
+pub(super) fn probability(value: f64) -> String {
+    if value < 0.001 { "< 0.1 %".to_owned() } else { percent(Some(value)) }
 }

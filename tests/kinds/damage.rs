@@ -16,7 +16,7 @@ use super::samples;
 
 #[test]
 fn tracks_that_repeat_or_are_no_numbers_are_refused() {
-    let mut writer = TrackWriter::new(Vec::new(), samples::frame(), 10.0).expect("a writer");
+    let mut writer = TrackWriter::new(Vec::new(), samples::frame(), 10.0, 0.2).expect("a writer");
     writer.push(&samples::sample(0, 0, 5)).expect("in order");
     let error = writer.push(&samples::sample(0, 0, 5)).expect_err("twice the same frame");
     assert_eq!(
@@ -30,7 +30,7 @@ fn tracks_that_repeat_or_are_no_numbers_are_refused() {
         error.to_string(),
         "the column `x` of `Trajectories` holds `NaN` in row 1, expected was a finite number"
     );
-    assert!(TrackWriter::new(Vec::new(), samples::frame(), 0.0).is_err());
+    assert!(TrackWriter::new(Vec::new(), samples::frame(), 0.0, 0.2).is_err());
 }
 
 /// Writes a file of our shape with things changed: what others, or other versions, might write.

@@ -18,7 +18,7 @@ fn bytes_are_a_function_of_the_value() {
     fn single<K: SingleFile>(value: &K) -> (String, Vec<u8>) {
         (format!("{} {}", <K as SingleFile>::NAME, <K as SingleFile>::FORMAT), value.to_bytes().expect("encoded"))
     }
-    let mut writer = TrackWriter::new(Vec::new(), samples::frame(), 10.0).expect("a writer");
+    let mut writer = TrackWriter::new(Vec::new(), samples::frame(), 10.0, 0.2).expect("a writer");
     writer.extend(&samples::tracks(0..3, 2, 9).value.samples).expect("written");
     let mut files = vec![
         single(&samples::map()),
@@ -26,7 +26,7 @@ fn bytes_are_a_function_of_the_value() {
         single(&samples::labels()),
         single(&samples::heat()),
         single(&samples::tiles()),
-        ("Trajectories 1".to_owned(), writer.finish().expect("finished")),
+        ("Trajectories 2".to_owned(), writer.finish().expect("finished")),
         single(&samples::trips()),
         single(&samples::scores()),
         single(&samples::costs()),
@@ -43,10 +43,10 @@ fn bytes_are_a_function_of_the_value() {
             "Labels 1 f8093f86458d9cd5",
             "Heat 1 38c5120df7b5da53",
             "Tiles 1 f0fc843817eda3e6",
-            "Trajectories 1 d43262b412477550",
-            "NavEpisodes 1 01e57c5232a68792",
-            "ClassScores 1 e5a03f6d49e0d58f",
-            "SocialCosts 1 368a9f9f5ebb0204",
+            "Trajectories 2 dd87c0e9c6a8bbba",
+            "NavEpisodes 2 4de0c2097ea3d8c0",
+            "ClassScores 2 58f1e0d20e91b5bb",
+            "SocialCosts 2 783eae76914f1b99",
             "Checkpoint 1 config.json 91682a40df00340e",
             "Checkpoint 1 metrics.parquet 0bac909c836a541d",
             "Checkpoint 1 model.safetensors 8dfb677edd4b761f",
@@ -118,7 +118,7 @@ fn examples_for_python() {
     write("costs.parquet", samples::costs().to_bytes().expect("encoded"));
     for chunk in 0..2 {
         let tracks = samples::tracks(chunk * 20..chunk * 20 + 20, 10, 1000);
-        let mut writer = TrackWriter::new(Vec::new(), tracks.frame, 10.0).expect("a writer");
+        let mut writer = TrackWriter::new(Vec::new(), tracks.frame, 10.0, 0.2).expect("a writer");
         writer.extend(&tracks.value.samples).expect("written");
         write(&format!("walks/chunk-{chunk:02}.parquet"), writer.finish().expect("finished"));
     }

@@ -7,7 +7,7 @@ use trodden::domain::map::OccupancyMap;
 use trodden::domain::quantize::{ClassCounts, Labels};
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::{ClassScores, Confusion};
-use trodden::domain::social::{EpisodeCost, SocialCosts};
+use trodden::domain::social::{EpisodeCost, Estimate, Predictor, PredictorCosts, SocialCosts};
 use trodden::domain::tiles::Tiles;
 use trodden::domain::tracks::{Sample, Tracks, agent_id};
 use trodden::domain::unet::{Array, EpochMetrics, TrainState};
@@ -66,43 +66,48 @@ pub fn tracks(episodes: std::ops::Range<u32>, agents: usize, frames: i64) -> Pla
     let ids = episodes.flat_map(|episode| (0..agents).map(move |agent| (episode, agent)));
     let samples =
         ids.flat_map(|(episode, agent)| (0..frames).map(move |frame| sample(episode, agent, frame))).collect();
-    Placed::new(frame(), Tracks { frame_rate: 10.0, samples })
+    Placed::new(frame(), Tracks { frame_rate: 10.0, radius: 0.25, samples })
 }
 
 pub fn trips() -> Placed<NavEpisodes> {
     let samples = tracks(0..2, 3, 6).value.samples;
     let samples = samples.into_iter().map(|sample| NavSample { sample, robot: sample.id % 1000 == 0 }).collect();
-    Placed::new(frame(), NavEpisodes { frame_rate: 10.0, samples })
+    Placed::new(frame(), NavEpisodes { frame_rate: 10.0, samples, summary: None })
 }
 
 pub fn scores() -> ClassScores {
     ClassScores {
         confusion: Confusion::from_counts(Grid::from_vec(2, 3, vec![1, 30, 4, 0, 2, 9])),
-        weights: vec![0.125, 0.375, 0.5],
+        weights: Some(vec![0.125, 0.375, 0.5]),
         spearman_visits: Some(0.625),
         spearman_classes: Some(0.5),
         auc: Some(0.75),
         auc_farther_from_walls: None,
+        spearman_farther_from_walls: Some(-0.25),
     }
 }
 
 pub fn costs() -> SocialCosts {
-    let episode = |i: u32| EpisodeCost {
-        episode: i,
-        truth: f64::from(i) * 0.5,
-        prediction: 3.0 - f64::from(i),
-        truth_rank: f64::from(i + 1),
-        prediction_rank: 3.0 - f64::from(i),
-        offset: (2.0 - 2.0 * f64::from(i)).abs() / 4.0,
+    let episode = |by: f64| {
+        move |i: u32| EpisodeCost {
+            episode: i,
+            truth: f64::from(i) * 0.5,
+            prediction: by * (3.0 - f64::from(i)),
+            truth_rank: f64::from(i + 1),
+            prediction_rank: 3.0 - f64::from(i),
+            offset: (2.0 - 2.0 * f64::from(i)).abs() / 4.0,
+        }
     };
-    SocialCosts {
-        episodes: (0..3).map(episode).collect(),
-        within_quarter: 0.25,
+    let costs = |predictor: Predictor, by: f64| PredictorCosts {
+        predictor,
+        episodes: (0..3).map(episode(by)).collect(),
+        within_quarter: Estimate { value: 0.25, low: 0.125, high: 0.5 * by },
         chance: 0.5,
         chance_at_least: 0.125,
-        spearman: Some(-1.0),
+        spearman: Some(Estimate { value: -1.0, low: -1.0, high: -0.25 * by }),
         kendall: None,
-    }
+    };
+    SocialCosts { predictors: vec![costs(Predictor::Model, 1.0), costs(Predictor::Oracle, 2.0)] }
 }
 
 pub fn checkpoint() -> Checkpoint {

@@ -112,7 +112,8 @@ impl Bench {
     }
 
     fn run(&mut self, spec: &StageSpec, stage: &dyn Stage, part: Part, inputs: &Inputs) {
-        let context = Context { store: &self.store, seed: 7, progress: &|_, _| {}, warn: &|_| {}, cancelled: &|| false };
+        let context =
+            Context { store: &self.store, seed: 7, progress: &|_, _| {}, warn: &|_| {}, cancelled: &|| false };
         let output = stage.run(part, inputs, &context).unwrap_or_else(|error| panic!("{}: {error}", spec.name));
         let Output::File(file) = output else { panic!("`{}` writes one file", spec.name) };
         self.found.push(format!("{} {} {}", spec.name, spec.version, &file.digest.to_hex()[..16]));
@@ -128,8 +129,8 @@ fn output_changes_only_with_a_version() {
         crowd
     };
     let trips = samples().into_iter().map(|sample| NavSample { sample, robot: sample.id % 1000 == 0 }).collect();
-    let trips = bench.put(&Placed::new(frame(), NavEpisodes { frame_rate: 10.0, samples: trips }));
-    let walks = bench.put(&Placed::new(frame(), Tracks { frame_rate: 10.0, samples: samples() }));
+    let trips = bench.put(&Placed::new(frame(), NavEpisodes { frame_rate: 10.0, samples: trips, summary: None }));
+    let walks = bench.put(&Placed::new(frame(), Tracks { frame_rate: 10.0, radius: 0.2, samples: samples() }));
     let (map, visits, labels, heat) =
         (bench.put(&map()), bench.put(&visits()), bench.put(&labels()), bench.put(&heat()));
     let group = |input: &Input| match input {
@@ -157,16 +158,16 @@ fn output_changes_only_with_a_version() {
         "import-map 1 b7ebf1a695f0f910",
         "generate-map 1 80f54047a065fb99",
         "generate-map 1 989c93a8be7cbef2",
-        "simulate 1 b8e27f12ba278933",
-        "rasterize 1 b6e3fd3eb8a7f279",
-        "rasterize 1 78154f09d6d70df6",
+        "simulate 2 d92fe9d3736d0b78",
+        "rasterize 2 b6e3fd3eb8a7f279",
+        "rasterize 2 78154f09d6d70df6",
         "quantize 1 7089c2aa43a06555",
         "quantize 1 a99bdda8331c742f",
         "quantize 1 bbe1b8ff943e230b",
         "tile 2 bd45e6435455d7e2",
-        "score 1 5da5eda6688a0690",
-        "navigate 1 67d0956facdb49a8",
-        "cost 1 055f1b2a0471c338",
+        "score 2 aa73f5ddf6550e7e",
+        "navigate 2 cba8cb0dc2ac3973",
+        "cost 2 871e97213c8ad662",
     ];
     assert_eq!(bench.found, expected, "output changed: raise VERSION of the stage, then update this digest");
 }

@@ -8,9 +8,9 @@ use super::cache::Fragment;
 use super::lineage::{member_name, stage_name};
 use crate::domain::crowd::Summary;
 use crate::domain::score::ClassScores;
-use crate::domain::social::SocialCosts;
+use crate::domain::social::{Estimate, Predictor, PredictorCosts, SocialCosts};
 use crate::report::charts::{BoxRow, box_plot};
-use crate::report::shown::{crowd_summary, figure, percent};
+use crate::report::shown::{crowd_summary, figure, percent, probability, with_interval};
 use crate::store::{Artifact, RunNode};
 
 /// Shows key figures, tables of them and the box plots of rank offsets.
@@ -92,7 +92,9 @@ fn cards(
         let wall = figure(mean(main.iter().map(|s| s.auc_wall_distance())));
         cards.push(("AUC", figure(mean(main.iter().map(|s| s.auc))), format!("distance to the nearest wall: {wall}")));
         let rho = mean(main.iter().map(|s| s.spearman_visits.or(s.spearman_classes)));
-        cards.push(("Spearman’s ρ", figure(rho), format!("heat and visits, {}", over(main.len()))));
+        let wall = figure(mean(main.iter().map(|s| s.spearman_wall_distance())));
+        let note = format!("heat and visits, {}; distance to the nearest wall: {wall}", over(main.len()));
+        cards.push(("Spearman’s ρ", figure(rho), note));
         let kappa = figure(mean(main.iter().map(|s| s.confusion.quadratic_kappa())));
         cards.push((
             "Mean recall",
@@ -103,8 +105,12 @@ fn cards(
         cards.push(("Adjacent errors", adjacent, "of all wrong classes".to_owned()));
     }
     if !costs.is_empty() {
-        let chance = percent(mean(costs.iter().map(|c| Some(c.chance))));
-        let within = percent(mean(costs.iter().map(|c| Some(c.within_quarter))));
+        let by = |predictor| costs.iter().filter_map(move |costs| costs.of(predictor));
+        let rho = |predictor| figure(mean(by(predictor).map(|costs| Some(costs.spearman?.value))));
+        let note = format!("constant: {}, oracle: {}", rho(Predictor::Constant), rho(Predictor::Oracle));
+        cards.push(("ρ of social costs", rho(Predictor::Model), note));
+        let chance = percent(mean(by(Predictor::Model).map(|costs| Some(costs.chance))));
+        let within = percent(mean(by(Predictor::Model).map(|costs| Some(costs.within_quarter.value))));
         cards.push(("Ranks within 25 %", within, format!("by chance: {chance}")));
     }
     if !crowds.is_empty() {
@@ -130,7 +136,7 @@ fn score_table(source: &Source<'_>, scores: &[ReadNode<'_, ClassScores>]) -> Mar
         div.scroll { table.numbers {
             thead { tr {
                 th { "map" } th { "annotation" } th { "AUC" } th { "AUC of the wall distance" } th { "Spearman’s ρ" }
-                th { "mean recall" } th { "quadratic κ" } th { "adjacent errors" }
+                th { "ρ of the wall distance" } th { "mean recall" } th { "quadratic κ" } th { "adjacent errors" }
             } }
             tbody {
                 @for (node, read) in scores {
@@ -143,12 +149,13 @@ fn score_table(source: &Source<'_>, scores: &[ReadNode<'_, ClassScores>]) -> Mar
                                 scores.auc_wall_distance(),
                                 [
                                     figure(scores.spearman_visits.or(scores.spearman_classes)),
+                                    figure(scores.spearman_wall_distance()),
                                     figure(scores.confusion.mean_recall()),
                                     figure(scores.confusion.quadratic_kappa()),
                                     percent(scores.confusion.adjacent_errors()),
                                 ],
                             )),
-                            Err(message) => td.muted colspan="6" { (message) },
+                            Err(message) => td.muted colspan="7" { (message) },
                         }
                     }
                 }
@@ -160,6 +167,7 @@ fn score_table(source: &Source<'_>, scores: &[ReadNode<'_, ClassScores>]) -> Mar
                             mean(main.iter().map(|s| s.auc_wall_distance())),
                             [
                                 figure(mean(main.iter().map(|s| s.spearman_visits.or(s.spearman_classes)))),
+                                figure(mean(main.iter().map(|s| s.spearman_wall_distance()))),
                                 figure(mean(main.iter().map(|s| s.confusion.mean_recall()))),
                                 figure(mean(main.iter().map(|s| s.confusion.quadratic_kappa()))),
                                 percent(mean(main.iter().map(|s| s.confusion.adjacent_errors()))),
@@ -177,7 +185,7 @@ fn score_table(source: &Source<'_>, scores: &[ReadNode<'_, ClassScores>]) -> Mar
     }
 }
 
-fn score_cells(auc: Option<f64>, wall: Option<f64>, others: [String; 4]) -> Markup {
+fn score_cells(auc: Option<f64>, wall: Option<f64>, others: [String; 5]) -> Markup {
     let better = matches!((auc, wall), (Some(auc), Some(wall)) if auc > wall);
     html! {
         td class=(if better { "better" } else { "" }) { (figure(auc)) }
@@ -189,15 +197,15 @@ fn score_cells(auc: Option<f64>, wall: Option<f64>, others: [String; 4]) -> Mark
 fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
     let several = costs.iter().any(|(node, _)| stage_name(node) != stage_name(costs[0].0));
     let name = |node: &RunNode| if several { node.node.to_string() } else { member_name(node).to_owned() };
-    let rows: Vec<BoxRow> = costs
-        .iter()
-        .filter_map(|(node, read)| Some((node, read.as_ref().ok()?)))
+    let read = costs.iter().filter_map(|(node, read)| Some((*node, read.as_ref().ok()?)));
+    let rows: Vec<BoxRow> = read
+        .flat_map(|(node, costs)| costs.predictors.iter().map(move |row| (node, row)))
         .map(|(node, costs)| BoxRow {
-            name: name(node),
+            name: format!("{}, {}", name(node), costs.predictor.name()),
             values: costs.episodes.iter().map(|episode| episode.offset).collect(),
             note: format!(
                 "{} within 25 % (chance {})",
-                percent(Some(costs.within_quarter)),
+                percent(Some(costs.within_quarter.value)),
                 percent(Some(costs.chance))
             ),
         })
@@ -206,26 +214,16 @@ fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
         h3 { "Social cost of a robot’s path" }
         div.scroll { table.numbers {
             thead { tr {
-                th { "map" } th { "episodes" } th { "within 25 %" } th { "by chance" } th { "chance does as well" }
-                th { "Spearman’s ρ" } th { "Kendall’s τ" }
+                th { "map" } th { "heat" } th { "episodes" } th { "Spearman’s ρ" } th { "Kendall’s τ" } th { "within 25 %" }
+                th { "by chance" } th { "chance does as well" }
             } }
             tbody {
                 @for (node, read) in costs {
-                    tr {
-                        td { (name(node)) }
-                        @match read {
-                            Ok(costs) => {
-                                td { (costs.episodes.len()) }
-                                td class=(if costs.within_quarter > costs.chance { "better" } else { "" }) {
-                                    (percent(Some(costs.within_quarter)))
-                                }
-                                td { (percent(Some(costs.chance))) }
-                                td { (percent(Some(costs.chance_at_least))) }
-                                td { (figure(costs.spearman)) }
-                                td { (figure(costs.kendall)) }
-                            }
-                            Err(message) => td.muted colspan="6" { (message) },
+                    @match read {
+                        Ok(costs) => @for row in &costs.predictors {
+                            tr { td { (name(node)) } (cost_cells(row)) }
                         }
+                        Err(message) => tr { td { (name(node)) } td.muted colspan="7" { (message) } },
                     }
                 }
             }
@@ -236,6 +234,28 @@ fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
                 figcaption { "Rank offsets of the predicted social costs: median, quartiles, 1.5 times their distance, and what lies beyond" }
             }
         }
+        p.note {
+            "Costs are predicted from the heat of the model, from the same heat on all free floor (constant) and, where they are "
+            "at hand, from the visits of other episodes on the same map (oracle): what a model that has not seen the map would "
+            "have to beat, and what it can hardly hope to. In brackets 95 % intervals by the bootstrap over episodes. A figure "
+            "stands out where its whole interval is better than chance."
+        }
+    }
+}
+
+fn cost_cells(costs: &PredictorCosts) -> Markup {
+    let better = |estimate: Option<Estimate>, than: f64| match estimate {
+        Some(estimate) if estimate.low > than => "better",
+        _ => "",
+    };
+    html! {
+        td { (costs.predictor.name()) }
+        td { (costs.episodes.len()) }
+        td class=(better(costs.spearman, 0.0)) { (with_interval(costs.spearman, figure)) }
+        td class=(better(costs.kendall, 0.0)) { (with_interval(costs.kendall, figure)) }
+        td class=(better(Some(costs.within_quarter), costs.chance)) { (with_interval(Some(costs.within_quarter), percent)) }
+        td { (percent(Some(costs.chance))) }
+        td { (probability(costs.chance_at_least)) }
     }
 }
 
@@ -247,7 +267,9 @@ fn crowd_table(crowds: &[(&RunNode, Summary)]) -> Markup {
             td { (name) }
             td { (grouped(summary.episodes)) }
             td { (grouped(summary.agents)) }
+            td { (grouped(summary.missing_agents)) }
             td { (grouped(summary.paths)) }
+            td { (grouped(summary.near_goals)) }
             td { (grouped(summary.arrived)) }
             td { (grouped(summary.stuck)) " (" (format!("{:.2} %", 100.0 * summary.stuck_share())) ")" }
             td { (grouped(summary.tally.wall_hits)) }
@@ -258,7 +280,8 @@ fn crowd_table(crowds: &[(&RunNode, Summary)]) -> Markup {
         h3 { "Crowd" }
         div.scroll { table.numbers {
             thead { tr {
-                th { "map" } th { "episodes" } th { "agents" } th { "paths" } th { "arrived" } th { "stuck" }
+                th { "map" } th { "episodes" } th { "agents" } th { "without room" } th { "paths" } th { "near goals" }
+                th { "arrived" } th { "stuck" }
                 th { "discs in walls" } th { "positions" }
             } }
             tbody {
@@ -273,7 +296,8 @@ fn crowd_table(crowds: &[(&RunNode, Summary)]) -> Markup {
         }
         p.note {
             "A path is one agent on its way to one goal. It is stuck if it advances by less than 0.5 m in 5 s or if its goal is "
-            "replaced. A disc is in a wall if it reaches more than 1 cm into a blocked cell."
+            "replaced. Agents without room were asked for but found no place to start; near goals are nearer than asked for, "
+            "as none far enough was found. A disc is in a wall if it reaches more than 1 cm into a blocked cell."
         }
     }
 }
