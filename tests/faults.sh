@@ -53,7 +53,7 @@ run() {
 
 # digests: the nodes that the last run made or found, with their digests.
 digests() {
-    sed -n 's/^{"event":"node","node":"\([^"]*\)","outcome":"\(ran\|hit\)","digest":"\([0-9a-f]\{64\}\)".*/\1 \3/p' stdout.txt | sort
+    sed -n 's/^{"event":"node","node":"\([^"]*\)",.*"outcome":"\(ran\|hit\)","digest":"\([0-9a-f]\{64\}\)".*/\1 \3/p' stdout.txt | sort
 }
 
 # judge WHAT: holds a run with a fault, the next one without, and the store against the promises.

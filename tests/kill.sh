@@ -49,14 +49,14 @@ run() {
 
 # digests OUT: the nodes that a run made or found, with their digests.
 digests() {
-    sed -n 's/^{"event":"node","node":"\([^"]*\)","outcome":"\(ran\|hit\)","digest":"\([0-9a-f]\{64\}\)".*/\1 \3/p' "$1" | sort
+    sed -n 's/^{"event":"node","node":"\([^"]*\)",.*"outcome":"\(ran\|hit\)","digest":"\([0-9a-f]\{64\}\)".*/\1 \3/p' "$1" | sort
 }
 
 # named OUTCOME OUT…: the nodes that runs said to have ended so.
 named() {
     local outcome=$1
     shift
-    sed -n 's/^{"event":"node","node":"\([^"]*\)","outcome":"'"$outcome"'",.*/\1/p' "$@" | sort -u
+    sed -n 's/^{"event":"node","node":"\([^"]*\)",.*"outcome":"'"$outcome"'",.*/\1/p' "$@" | sort -u
 }
 
 # ran OUT: how many nodes it made.

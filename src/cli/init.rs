@@ -39,7 +39,11 @@ impl Args {
             CliError::File { action: "write", path: self.file.clone(), source }
         };
         let mut out = std::fs::OpenOptions::new().write(true).create_new(true).open(&self.file).map_err(failed)?;
-        out.write_all(text.as_bytes()).map_err(failed)?;
+        out.write_all(text.as_bytes()).and_then(|()| out.sync_data()).map_err(|source| {
+            // It was not there before: half of it is worth nothing.
+            let _ = std::fs::remove_file(&self.file);
+            failed(source)
+        })?;
         screen.line(format!("wrote `{file}`; next: trodden run {file}"))?;
         Ok(ExitCode::SUCCESS)
     }

@@ -166,3 +166,22 @@ fn three_quarters() -> u64 {
     let total = system.cgroup_limits().map_or_else(|| system.total_memory(), |limits| limits.total_memory);
     if total == 0 { UNKNOWN } else { total / 4 * 3 }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_last_line_says_where_the_report_is_or_why_there_is_none() {
+        let (id, status) = ("r".to_owned(), RunStatus::Finished);
+        let event = Event::Run { ran: 1, hit: 0, failed: 0, skipped: 0, wall_s: 0.5, id, status };
+        let line = |page: Result<PathBuf, CliError>| {
+            serde_json::to_string(&Ended::new(&event, &page)).expect("an event is JSON")
+        };
+        let start =
+            r#"{"event":"run","ran":1,"hit":0,"failed":0,"skipped":0,"wall_s":0.5,"id":"r","status":"finished","#;
+        assert_eq!(line(Ok(PathBuf::from("a/b"))), format!(r#"{start}"report":"a/b"}}"#));
+        let told = line(Err(CliError::request("no room")));
+        assert_eq!(told, format!(r#"{start}"report":null,"report_error":"no room"}}"#));
+    }
+}

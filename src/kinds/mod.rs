@@ -19,10 +19,8 @@ mod tiles;
 mod trajectories;
 mod visits;
 
-use std::fs::File;
-
 use crate::domain::geometry::Frame;
-use crate::store::{Artifact, FileRef, Store};
+use crate::store::{Artifact, FileRef, Store, open_regular};
 
 pub use checkpoint::{Checkpoint, CheckpointConfig};
 pub use error::KindError;
@@ -119,7 +117,7 @@ impl<T> Placed<T> {
 /// For estimates: what is missing or damaged counts as empty, and the digest is not checked.
 #[must_use]
 pub fn outline(store: &Store, artifact: &Artifact) -> Outline {
-    let open = |file: &FileRef| File::open(store.path_of(&file.digest)).ok().as_ref().and_then(Outline::read);
+    let open = |file: &FileRef| open_regular(&store.path_of(&file.digest)).ok().as_ref().and_then(Outline::read);
     let mut outlines = artifact.files.iter().filter_map(open);
     let mut whole = outlines.next().unwrap_or_default();
     whole.rows += outlines.map(|more| more.rows).sum::<u64>();

@@ -127,7 +127,22 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> io::Result<()> {
     }
     temporary.as_file().sync_data()?;
     temporary.persist(&path).map_err(|error| error.error)?;
-    File::open(folder)?.sync_all()
+    match sync_folder(folder) {
+        // One may write to a folder that one may not read.
+        Err(error) if error.kind() == io::ErrorKind::PermissionDenied => Ok(()),
+        synced => synced,
+    }
+}
+
+/// Waits until the entries of a folder are on the disk.
+///
+/// # Errors
+/// If they cannot be written. Where the file system cannot sync a folder, it is as safe as it gets.
+pub(super) fn sync_folder(folder: &Path) -> io::Result<()> {
+    match File::open(folder)?.sync_all() {
+        Err(error) if matches!(error.kind(), io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported) => Ok(()),
+        synced => synced,
+    }
 }
 
 /// Returns where the entry of a digest lies in a folder of 256 folders.

@@ -69,7 +69,7 @@ pub use run_index::RunSummary;
 pub use verify::{Damage, Damaged, Missing, VerifyReport};
 
 use error::failed;
-use file::{RECORD_MODE, Temporary, list};
+use file::{RECORD_MODE, Temporary, list, sync_folder};
 use session::{Gate, Session, unique};
 use source::Sources;
 
@@ -214,9 +214,10 @@ impl Store {
             Err(_) if path.exists() => {}
             persisted => persisted?,
         }
-        let folders = [Some(root), root.parent().filter(|above| !above.as_os_str().is_empty())];
-        for folder in folders.into_iter().flatten() {
-            fs::File::open(folder).and_then(|file| file.sync_all()).map_err(failed(root, "sync", folder))?;
+        sync_folder(root).map_err(failed(root, "sync", root))?;
+        if let Some(above) = root.parent().filter(|above| !above.as_os_str().is_empty()) {
+            // It may belong to somebody else.
+            let _ = sync_folder(above);
         }
         Ok(())
     }

@@ -12,6 +12,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use super::bounded::read_bounded;
 use super::error::failed;
+use super::file::sync_folder;
 use super::lock::{open_existing, open_lock, try_lock, uninterrupted, wait};
 use super::{Digest, Key, StoreError};
 
@@ -174,7 +175,7 @@ impl Session {
     pub(super) fn sync_folders(&self, root: &Path) -> Result<usize, StoreError> {
         let noted = self.touched.lock().expect("nothing panics while it holds this lock").clone();
         for folder in &noted {
-            File::open(folder).and_then(|file| file.sync_all()).map_err(failed(root, "sync", folder))?;
+            sync_folder(folder).map_err(failed(root, "sync", folder))?;
             self.touched.lock().expect("nothing panics while it holds this lock").remove(folder);
         }
         Ok(noted.len())
