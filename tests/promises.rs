@@ -1,6 +1,7 @@
 //! The promises of engine and store, held against the real program on a small pipeline: what runs, what is a hit, what
 //! survives damage and death, and that the bytes are the same whatever the threads.
 
+mod crowds;
 mod damage;
 mod death;
 mod edits;
