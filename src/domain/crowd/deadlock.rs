@@ -23,9 +23,9 @@ const DETOUR_PATIENCE: f64 = 1.5;
 const DETOUR_PAUSE: f64 = 2.0;
 /// A detour may be this much longer than the way that is left, in meters.
 const LONGEST_DETOUR: f64 = 12.0;
-/// Places aside that are searched for in one step on behalf of those who are held up, the first in rank first: a crowd that
-/// needs more of them is wedged, and would be after all searches too.
-const SEARCHES: u32 = 256;
+/// Places aside that are searched for in one step, for those first in rank first: a crowd that needs more of them is wedged,
+/// and would be after all searches too.
+const SEARCHES: u32 = 64;
 /// Room has to be made along this much of the way ahead, in meters, and by agents this near.
 const WAY_AHEAD: f64 = 8.0;
 const NEAR: f64 = 3.0;
@@ -284,7 +284,6 @@ impl Yielding {
             if self.searches == 0 {
                 return;
             }
-            self.searches -= 1;
             if let Some(route) = self.place_aside(floor, other, agent, floor.walkers[other].aside.is_some()) {
                 self.step_aside(floor, other, agent, route);
             } else if !floor.walkers[other].arrived && floor.walkers[agent].aside.is_none() {
@@ -302,6 +301,7 @@ impl Yielding {
 
     /// Finds the nearest place off the ways of all who go first, and the way there.
     fn place_aside(&mut self, floor: &mut Floor, agent: usize, for_whom: usize, strictly: bool) -> Option<Route> {
+        self.searches = self.searches.checked_sub(1)?;
         let scene = floor.scene;
         let (from, radius) = (floor.position(agent), scene.config().radius);
         let (near, frame) = (2.0 * radius + ROOM, scene.frame());
