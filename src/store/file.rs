@@ -6,56 +6,11 @@ use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 
 use super::error::failed;
-use super::session::Session;
-use super::{Digest, Store, StoreError};
+use super::{Digest, StoreError};
 
 /// How an entry of the store is opened for those who may read the folder.
 const OBJECT_MODE: u32 = 0o444;
 pub(super) const RECORD_MODE: u32 = 0o644;
-
-impl Store {
-    /// Writes a record under a unique name, syncs it, then gives it its own name.
-    pub(super) fn write_record(&self, path: &Path, bytes: &[u8]) -> Result<(), StoreError> {
-        let session = self.session()?;
-        let mut file = Temporary::create(&self.root, session.unique_path(), RECORD_MODE)?;
-        let written = file.path.clone();
-        file.file.write_all(bytes).map_err(failed(&self.root, "write", &written))?;
-        self.name_file(&session, file, path)
-    }
-
-    /// Gives a written file its name in a folder of the store, which is made if it is not there.
-    pub(super) fn name_file(&self, session: &Session, file: Temporary, path: &Path) -> Result<(), StoreError> {
-        let folder = path.parent().expect("everything lies in folders of the store");
-        fs::create_dir_all(folder).map_err(failed(&self.root, "create", folder))?;
-        file.persist(&self.root, path)?;
-        session.touched(folder);
-        // Its own entry may be new, by this process or by one that was killed before it could sync it.
-        if let Some(above) = folder.parent().filter(|_| folder != self.root) {
-            session.touched(above);
-        }
-        Ok(())
-    }
-
-    /// Moves a damaged file away from its name; `None` if that cannot be done.
-    pub(super) fn set_aside(&self, path: &Path, name: &str) -> Option<PathBuf> {
-        let folder = self.root.join("damaged");
-        fs::create_dir_all(&folder).ok()?;
-        for number in 1..10_000 {
-            let aside = folder.join(format!("{name}-{number}"));
-            // The new name is taken first, so that two who set aside at once do not overwrite each other's.
-            match OpenOptions::new().write(true).create_new(true).open(&aside) {
-                Ok(_) if fs::rename(path, &aside).is_ok() => return Some(aside),
-                Ok(_) => {
-                    let _ = fs::remove_file(&aside);
-                    return None;
-                }
-                Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
-                Err(_) => return None,
-            }
-        }
-        None
-    }
-}
 
 /// A file under a name of its own that goes away with it unless it is persisted.
 #[derive(Debug)]

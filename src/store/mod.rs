@@ -34,6 +34,7 @@ mod error;
 mod file;
 mod latest;
 mod lock;
+mod naming;
 mod node_name;
 mod object;
 mod recipe;

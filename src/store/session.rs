@@ -169,6 +169,12 @@ impl Session {
         }
     }
 
+    /// Returns the folders that are to be synced.
+    #[cfg(test)]
+    pub(super) fn touched_folders(&self) -> BTreeSet<PathBuf> {
+        self.touched.lock().expect("nothing panics while it holds this lock").clone()
+    }
+
     /// Syncs the folders whose entries have changed since the last time; returns how many those were.
     ///
     /// A folder that cannot be synced stays noted for the next time.
