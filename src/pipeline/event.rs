@@ -1,6 +1,6 @@
 //! What happens in a run, as one ordered stream, and the state that it folds into.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -26,6 +26,11 @@ pub enum Event {
         node: NodeName,
         stage: String,
         role: Role,
+    },
+    /// A node could start, but another process makes the same: it is looked up again once that is done.
+    Waiting {
+        #[serde(flatten)]
+        node: NodeName,
     },
     /// A node that runs got further.
     Progress { node: String, done: u64, total: u64 },
@@ -111,6 +116,8 @@ pub struct RunState {
     /// The same by the name of the use of a stage: `walks`, `model`.
     pub stages: BTreeMap<String, Counts>,
     pub running: BTreeMap<String, Running>,
+    /// Nodes that another process makes.
+    pub waiting: BTreeSet<String>,
     pub failures: Vec<FailedNode>,
     pub warnings: Vec<String>,
     /// How the run ended and how long it took in seconds.
@@ -125,8 +132,12 @@ impl RunState {
                 *self = Self { id: id.clone(), pipeline: pipeline.clone(), nodes: *nodes, ..Self::default() };
             }
             Event::NodeStarted { node, stage, role } => {
+                self.waiting.remove(node.as_str());
                 let running = Running { stage: stage.clone(), role: *role, done: 0, total: 0 };
                 self.running.insert(node.to_string(), running);
+            }
+            Event::Waiting { node } => {
+                self.waiting.insert(node.to_string());
             }
             Event::Progress { node, done, total } => {
                 if let Some(running) = self.running.get_mut(node) {
@@ -135,6 +146,7 @@ impl RunState {
             }
             Event::Node { node, outcome, error, help, .. } => {
                 self.running.remove(node.as_str());
+                self.waiting.remove(node.as_str());
                 self.counts.add(*outcome);
                 let stage = node.stage();
                 match self.stages.get_mut(stage) {
@@ -218,11 +230,13 @@ mod tests {
         state.apply(&Event::Warning { node: Some("x".to_owned()), message: "odd".to_owned() });
         assert_eq!(state.running.keys().collect::<Vec<_>>(), ["labels/b"]);
         assert_eq!(state.running["labels/b"].done, 2);
+        state.apply(&Event::Waiting { node: "scores".into() });
+        assert!(state.waiting.contains("scores"));
         state.apply(&node("labels/b", Outcome::Ran));
         state.apply(&node("scores", Outcome::Hit));
         assert_eq!(state.counts, Counts { ran: 1, hit: 1, failed: 1, skipped: 0 });
         assert_eq!(state.stages["labels"], Counts { ran: 1, failed: 1, ..Counts::default() });
-        assert_eq!((state.done(), state.running.len(), state.failures.len()), (3, 0, 1));
+        assert_eq!((state.done(), state.running.len(), state.waiting.len(), state.failures.len()), (3, 0, 0, 1));
         assert_eq!(state.warnings, ["`x`: odd"]);
     }
 }

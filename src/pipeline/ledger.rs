@@ -2,6 +2,23 @@
 //!
 //! A plan and a run are the same ledger. In a plan, a task whose object must be made again is taken to give the same bytes
 //! as before; in a run, what reads it waits until it has.
+//!
+//! ```text
+//!                      all that it reads is known
+//!  OutOfScope   Waiting ─────────── settle ──────────┬──► Hit      on record, and its objects are there
+//!                ▲   ▲                               ├──► Absent   on record, not there, and nobody needs it
+//!                │   │ it must run, and an input     └──► Todo     not on record, or not there and needed
+//!                │   │ is absent: wait for it                │
+//!                │   └─────────────── demand ────────────────┤
+//!                │                                           ▼
+//!                └── Absent, once a task that runs       Running ──► Ran, or Failed: who waits for it is Skipped
+//!                    reads it (look again)                   └─────► Hit, if another process made it meanwhile
+//! ```
+//!
+//! *Known* are hits, absent tasks and those that ran: their digests are. A waiting task counts how many of those that it
+//! reads are not known (`pending`) and is settled when there are none left. Being demanded takes an absent task back to
+//! waiting, and one more is unknown to all who wait with it. A plan stops at `Todo`, which is as good as known where the
+//! task has a digest on record; `Incomplete` is a plan's word for what may be whole once a part of it is made again.
 
 use std::collections::BTreeMap;
 use std::fmt;

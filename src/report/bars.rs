@@ -129,6 +129,9 @@ impl Bars {
                     lines
                 }
             },
+            Event::Waiting { node } => {
+                vec![format!("{} for another process, which makes {node}", paint("33", "waiting"))]
+            }
             Event::Warning { node, message } => {
                 let place =
                     node.as_ref().map_or_else(String::new, |node| format!("`{}`: ", one_line(&node.to_string())));
@@ -174,7 +177,18 @@ impl Drawn {
 
     fn follow(&mut self, event: &Event, state: &RunState) {
         match event {
+            Event::Waiting { node } => {
+                if self.nodes.len() < MOST_BARS {
+                    let bar = self.all.add(ProgressBar::new_spinner());
+                    bar.set_style(style("  {spinner:.yellow} {prefix}  waiting for another process  {elapsed:.dim}"));
+                    bar.set_prefix(node.to_string());
+                    bar.enable_steady_tick(TICK);
+                    self.nodes.insert(node.to_string(), NodeBar { bar, sized: false, moved: Instant::now() });
+                }
+                self.run.enable_steady_tick(TICK);
+            }
             Event::NodeStarted { node, .. } => {
+                self.close(node);
                 if self.nodes.len() < MOST_BARS {
                     let bar = self.all.add(ProgressBar::new_spinner());
                     bar.set_style(style("  {spinner:.cyan} {prefix}  {elapsed:.dim}"));
@@ -190,10 +204,7 @@ impl Drawn {
                 }
             }
             Event::Node { node, .. } => {
-                if let Some(shown) = self.nodes.remove(node.as_str()) {
-                    shown.bar.finish_and_clear();
-                    self.all.remove(&shown.bar);
-                }
+                self.close(node);
                 self.run.set_position(state.done() as u64);
                 self.run.set_message(tally(&state.counts));
             }
@@ -203,6 +214,16 @@ impl Drawn {
                 let _ = self.all.clear();
             }
             Event::RunStarted { .. } | Event::Warning { .. } => {}
+        }
+    }
+}
+
+impl Drawn {
+    /// Takes away the bar of a node, if it has one.
+    fn close(&mut self, node: &str) {
+        if let Some(shown) = self.nodes.remove(node) {
+            shown.bar.finish_and_clear();
+            self.all.remove(&shown.bar);
         }
     }
 }
@@ -310,6 +331,7 @@ mod tests {
         let said = lines(&[
             Event::RunStarted { id: "r1".to_owned(), pipeline: "homes".to_owned(), file: String::new(), nodes: 4 },
             node("labels/a", Outcome::Hit),
+            Event::Waiting { node: "labels/b".into() },
             node("labels/b", Outcome::Ran),
             Event::Warning { node: Some("labels/b".to_owned()), message: "odd".to_owned() },
             node("labels/c", Outcome::Failed),
@@ -328,6 +350,7 @@ mod tests {
             said,
             [
                 "homes: 4 nodes, run r1",
+                "waiting for another process, which makes labels/b",
                 "[2/4] ran labels/b 1.2 s",
                 "warning: `labels/b`: odd",
                 "failed labels/c: no free cell",
@@ -360,6 +383,7 @@ mod tests {
         let started = |node: &str| Event::NodeStarted { node: node.into(), stage: String::new(), role: Role::Node };
         bars.hear(&Event::RunStarted { id: "r".to_owned(), pipeline: "p".to_owned(), file: String::new(), nodes: 30 });
         for i in 0..20 {
+            bars.hear(&Event::Waiting { node: format!("walks/{i}").as_str().into() });
             bars.hear(&started(&format!("walks/{i}")));
             bars.hear(&Event::Progress { node: format!("walks/{i}"), done: 3, total: 7 });
             bars.hear(&Event::Progress { node: "unknown".to_owned(), done: 3, total: 0 });

@@ -125,14 +125,19 @@ fn files(value: &Value, folder: &Path) -> Result<Vec<MapNode>, ParameterError> {
     Ok(nodes)
 }
 
-/// The paths that a pattern stands for, in order; without a wildcard it is the path itself.
+/// The paths that a pattern stands for, in order. What names a file or a folder that is there is no pattern, whatever it
+/// looks like.
 fn matching(pattern: &str, folder: &Path) -> Result<Vec<PathBuf>, String> {
     let full = folder.join(pattern);
-    if !pattern.contains(['*', '?', '[']) {
+    if !pattern.contains(['*', '?', '[']) || full.symlink_metadata().is_ok() {
         return Ok(vec![full]);
     }
-    let paths = glob::glob(&full.to_string_lossy()).map_err(|error| format!("`{pattern}` is no pattern: {error}"))?;
-    let mut found: Vec<PathBuf> = paths.filter_map(Result::ok).collect();
+    // The folder is not part of the pattern, and may look like one.
+    let folder = PathBuf::from(glob::Pattern::escape(&folder.to_string_lossy()));
+    let wanted = folder.join(pattern);
+    let paths = glob::glob(&wanted.to_string_lossy()).map_err(|error| format!("`{pattern}` is no pattern: {error}"))?;
+    let found: Result<Vec<PathBuf>, glob::GlobError> = paths.collect();
+    let mut found = found.map_err(|error| format!("failed to look for `{pattern}`: {error}"))?;
     found.sort();
     if found.is_empty() { Err(format!("no file matches `{}`", full.display())) } else { Ok(found) }
 }

@@ -118,6 +118,27 @@ fn aliases_cannot_blow_a_file_up() {
 }
 
 #[test]
+fn of_many_problems_the_first_are_shown_and_in_a_moment() {
+    let begun = std::time::Instant::now();
+    let keys: String = (0..20_000).map(|number| format!("  key{number}: 1\n")).collect();
+    let text = format!("more: &more\n{keys}stages:\n  a: {{ use: label, <<: *more, counts: a }}\n");
+    let told = wrong(&text, &[]);
+    assert_eq!(told.matches("error: `a` has no parameter `key").count(), 20, "{told}");
+    assert!(told.ends_with("error: and 19980 more like these"), "{told}");
+    // References to stages that are not there, each of which might be any other, and a long chain of those that are.
+    let lost: String =
+        (0..20_000).map(|number| format!("  s{number}: {{ use: label, counts: t{number} }}\n")).collect();
+    assert!(wrong_stages(&lost).ends_with("error: and 19980 more like these"));
+    let chain: String =
+        (1..60_000).map(|number| format!("  s{}: {{ use: label, counts: s{number} }}\n", number - 1)).collect();
+    assert!(
+        wrong_stages(&format!("{chain}  s59999: {{ use: label, counts: s0 }}\n"))
+            .contains("read each other in a cycle")
+    );
+    assert!(begun.elapsed().as_secs() < 60, "{:?}", begun.elapsed());
+}
+
+#[test]
 fn top_level_keys() {
     insta::assert_snapshot!(wrong("stagse:\n  walks: { use: walk, map: $maps }\n", &[]), @r"
     error: a pipeline has no key `stagse`
@@ -220,6 +241,16 @@ fn maps_that_are_wrong() {
       |
       = help: a map is named after its file, or its folder if the file is called `map`: rename one
     ");
+    let told = maps(r#"{ a: { files: ["x/...pgm", "y/back\\slash.pgm", "z/\e[31mred.pgm"] } }"#);
+    for what in [
+        "`..` cannot be the name of a map: it is that of a folder",
+        "help: a map is named after its file, here `x/...pgm`, or its folder: rename that",
+        "`back\\slash` cannot be the name of a map: it has a backslash",
+        "`\\u{1b}[31mred` cannot be the name of a map: it has a character that steers terminals",
+    ] {
+        assert!(told.contains(what), "{told}");
+    }
+    assert!(!told.contains('\u{1b}'), "{told}");
     insta::assert_snapshot!(maps("{ a.b: { homes: { count: 1 } } }"), @r"
     error: `a.b` cannot be the name of a group of maps
      --> toy.yaml:1:9

@@ -4,8 +4,10 @@ use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::Duration;
 
+use trodden::pipeline::event::Event;
 use trodden::store::{RunStatus, Store};
 
+use super::runs::remove;
 use super::{HOMES, NODES, Place, pipeline, run};
 
 /// Names the store of a run that is meant to be killed.
@@ -25,6 +27,31 @@ fn two_runs_at_once_share_the_work() {
     assert_eq!(one.digests(), two.digests());
     assert_eq!(one.report.counts.ran + two.report.counts.ran, NODES);
     assert!(one.report.counts.ran > 0 && two.report.counts.ran > 0);
+}
+
+#[test]
+fn a_run_that_waits_says_for_what() {
+    let place = Place::new();
+    let first = place.run(&pipeline(HOMES, &[]));
+    remove(&place, &first, "table");
+    let table = first.report.run.nodes.iter().find(|node| node.node == "table").and_then(|node| node.key);
+    let other = Store::open(place.store.root()).expect("the store is there");
+    let lock = other.try_lock(&table.expect("it ran")).expect("it can be locked").expect("nobody has it");
+    let seen = std::thread::scope(|scope| {
+        scope.spawn(|| {
+            std::thread::sleep(Duration::from_millis(1500));
+            drop(lock);
+        });
+        place.run(&pipeline(HOMES, &[]))
+    });
+    let waiting = |event: &&Event| matches!(event, Event::Waiting { .. });
+    let told: Vec<&Event> = seen.events.iter().filter(waiting).collect();
+    assert_eq!(told, [&Event::Waiting { node: "table".into() }]);
+    assert_eq!(seen.ran(), ["table"]);
+    // Who makes the same itself waits for nobody else.
+    let twice = format!("{HOMES}  again: {{ use: label, counts: counts, classes: 3, wait: 700 }}\n");
+    let seen = place.run(&pipeline(&twice, &["labels.wait=700"]));
+    assert_eq!(seen.events.iter().filter(waiting).count(), 0);
 }
 
 #[test]

@@ -20,6 +20,8 @@ const LISTEN: Duration = Duration::from_millis(50);
 /// How soon, and at most how late, a key that another process had locked is tried again.
 const SOON: Duration = Duration::from_millis(10);
 const LATE: Duration = Duration::from_millis(200);
+/// How long a task is put aside before it is said what it waits for: most locks are held for less.
+const TOLD_AFTER: Duration = Duration::from_millis(500);
 /// Stack of a task's thread, as large as that of a main thread.
 const STACK: usize = 8 << 20;
 
@@ -41,6 +43,8 @@ pub(super) struct Scheduler<'a> {
     /// Tasks whose key somebody else has locked.
     aside: Vec<usize>,
     try_again: (Instant, Duration),
+    /// Since when tasks have been put aside; `None` once that was told.
+    waiting: BTreeMap<usize, Option<Instant>>,
     /// What the tasks that could start ask of the machine, as far as it was asked for.
     needs: BTreeMap<usize, Needs>,
     running: BTreeMap<usize, Needs>,
@@ -68,6 +72,7 @@ impl<'a> Scheduler<'a> {
             ready: BTreeSet::new(),
             aside: Vec::new(),
             try_again: (Instant::now(), SOON),
+            waiting: BTreeMap::new(),
             needs: BTreeMap::new(),
             running: BTreeMap::new(),
             ends,
@@ -224,6 +229,16 @@ impl<'a> Scheduler<'a> {
             self.try_again = (now + wait, (wait * 2).min(LATE));
         }
         self.aside.push(task);
+        let since = self.waiting.entry(task).or_insert_with(|| Some(Instant::now()));
+        if since.is_some_and(|since| since.elapsed() >= TOLD_AFTER) && !self.is_made_here(task) {
+            self.waiting.insert(task, None);
+            (self.sink)(&Event::Waiting { node: self.ledger.graph.tasks[task].name.clone() });
+        }
+    }
+
+    /// Tells whether a task of this run makes the same.
+    fn is_made_here(&self, task: usize) -> bool {
+        self.running.keys().any(|other| self.ledger.keys[*other] == self.ledger.keys[task])
     }
 
     /// Waits for what the threads send, but not longer than until something else is due.

@@ -8,7 +8,7 @@ use serde_json::Value;
 
 use super::reference::Reference;
 use super::tree::{Data, Member, Tree, object};
-use super::{Request, parameters, suggest};
+use super::{Request, names, parameters, suggest};
 use crate::pipeline::error::{Problem, Span};
 use crate::pipeline::stage::{Arity, Division, Entry, MapNode, MapSource, ParameterError, Port, Register, Stage};
 
@@ -96,7 +96,7 @@ fn unknown_key(member: &Member) -> Problem {
 
 fn read_name(member: &Member) -> Result<String, Problem> {
     match &member.value.data {
-        Data::Text(name) if is_name(name) => Ok(name.clone()),
+        Data::Text(name) if names::is_word(name) => Ok(name.clone()),
         _ => Err(Problem::new(member.value.span, "`name` is a word of letters, digits, `-` and `_`")),
     }
 }
@@ -109,15 +109,8 @@ fn read_seed(value: &Tree) -> Result<u64, Problem> {
     seed.ok_or_else(|| Problem::new(value.span, "`seed` is a whole number from 0 to 18446744073709551615"))
 }
 
-/// Tells whether a text can name a stage or a group: references and node names split at dots and slashes.
-fn is_name(text: &str) -> bool {
-    let mut bytes = text.bytes();
-    bytes.next().is_some_and(|first| first.is_ascii_alphabetic() || first == b'_')
-        && bytes.all(|byte| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'-'))
-}
-
 fn check_name(member: &Member, what: &str, problems: &mut Vec<Problem>) {
-    if !is_name(&member.key) {
+    if !names::is_word(&member.key) {
         let message = format!("`{}` cannot be the name of a {what}", member.key);
         let help = "start with a letter; letters, digits, `-` and `_` may follow";
         problems.push(Problem::new(member.key_span, message).with_help(help));
@@ -145,6 +138,10 @@ fn read_maps(value: &Tree, folder: &Path, register: &Register, problems: &mut Ve
         for entry in entries {
             for source in mapping(entry, &format!("group `{}`", member.key), problems) {
                 for map in expand(source, folder, register, problems) {
+                    if let Some(fault) = names::fault(&map.node.name) {
+                        problems.push(misnamed(&map.node, fault, source));
+                        continue;
+                    }
                     if let Some(first) = seen.insert(map.node.name.clone(), source.key_span) {
                         let problem = Problem::new(source.key_span, format!("two maps are called `{}`", map.node.name));
                         let first = (first != source.key_span).then_some(first);
@@ -171,6 +168,20 @@ fn read_maps(value: &Tree, folder: &Path, register: &Register, problems: &mut Ve
         groups.push(Group { name: member.key.clone(), maps });
     }
     groups
+}
+
+/// Says what is wrong with the name of a map, and where it comes from.
+fn misnamed(map: &MapNode, fault: &str, source: &Member) -> Problem {
+    let name = names::shown(&map.name);
+    let problem = Problem::new(source.key_span, format!("`{name}` cannot be the name of a map: {fault}"));
+    // A map of files is named after the first one.
+    match map.stage.sources().ok().and_then(|sources| sources.into_iter().next()) {
+        Some(file) => {
+            let file = names::shown(&file.path.to_string_lossy());
+            problem.with_help(format!("a map is named after its file, here `{file}`, or its folder: rename that"))
+        }
+        None => problem,
+    }
 }
 
 /// Expands one source of maps; of several maps of one name in it, one is reported.

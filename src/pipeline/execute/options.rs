@@ -1,0 +1,18 @@
+//! How a pipeline is run.
+
+use std::sync::atomic::AtomicBool;
+
+/// How to run.
+#[derive(Debug, Clone)]
+pub struct Options<'a> {
+    /// The most tasks at a time.
+    pub jobs: usize,
+    /// The most memory that tasks running beside each other may ask for, in bytes; a larger one runs alone.
+    pub memory: u64,
+    /// Whether to go on with what does not need a node that failed.
+    pub keep_going: bool,
+    /// Nodes, stages or parts; only these and what they need are run. Everything if there are none.
+    pub only: Vec<String>,
+    /// Set from outside to stop at the next safe point.
+    pub cancelled: &'a AtomicBool,
+}

@@ -1,0 +1,28 @@
+//! What a run reports to its caller, beside its record.
+
+use crate::pipeline::event::Counts;
+use crate::store::Run;
+
+/// What came of a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct RunReport {
+    /// The record as it was written.
+    pub run: Run,
+    /// The nodes that failed themselves.
+    pub failures: Vec<Failure>,
+    /// Without what was not asked for.
+    pub counts: Counts,
+    /// How to go on after an interruption or a failure.
+    pub advice: Option<String>,
+}
+
+/// A node that failed.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Failure {
+    pub node: String,
+    /// A fragment with its causes.
+    pub message: String,
+    pub help: Option<String>,
+    /// Whether it failed because the store is damaged.
+    pub damaged: bool,
+}

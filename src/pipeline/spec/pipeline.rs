@@ -1,0 +1,61 @@
+//! A checked pipeline: nodes, what they are made of and what they read.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use crate::pipeline::stage::{Stage, StageSpec};
+use crate::store::NodeName;
+
+/// A checked pipeline: every port is connected to artifacts of the right kind, and there is no cycle.
+#[derive(Debug)]
+pub struct Pipeline {
+    /// The file's `name:`, or else its stem.
+    pub name: String,
+    pub file: PathBuf,
+    /// The text of the file, below the settings as comments.
+    pub source: String,
+    /// The seed of all nodes that name none of their own.
+    pub seed: u64,
+    /// The groups of maps, in order of the file.
+    pub groups: Vec<MapGroup>,
+    /// All nodes; every node stands after those that it reads.
+    pub nodes: Vec<Node>,
+}
+
+/// A named group of maps.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct MapGroup {
+    pub name: String,
+    /// Positions in [`Pipeline::nodes`].
+    pub members: Vec<usize>,
+}
+
+/// One use of a stage for one member of the group that it is mapped over, or for all.
+#[derive(Debug)]
+pub struct Node {
+    /// `maps/home_03`, `labels/home_03`, `model`.
+    pub name: NodeName,
+    /// The map's name, if the node is mapped or is a map.
+    pub member: Option<Arc<str>>,
+    pub spec: &'static StageSpec,
+    /// The parameters; the nodes of one mapped stage share them.
+    pub stage: Arc<dyn Stage>,
+    /// What its random numbers start from, if it draws any.
+    pub seed: Option<u64>,
+    /// One connection for each port that has one, in order of the ports.
+    pub inputs: Vec<Connection>,
+}
+
+/// What feeds a port.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Connection {
+    pub port: &'static str,
+    pub wire: Wire,
+}
+
+/// One node, or the members of a group, as positions in [`Pipeline::nodes`].
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Wire {
+    One(usize),
+    Group(Arc<[usize]>),
+}
