@@ -56,7 +56,12 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> 
         for task in plan.tasks.iter().filter(|task| !matches!(task.state, State::OutOfScope)) {
             let (state, detail) = describe(plan, task);
             let object = serde_json::json!({
-                "node": task.name, "state": state, "why": detail, "key": task.key, "stage": task.stage, "kind": task.kind,
+                "node": task.name.to_string(),
+                "state": state,
+                "why": detail,
+                "key": task.key,
+                "stage": task.stage,
+                "kind": task.kind,
             });
             screen.object(&object)?;
         }
