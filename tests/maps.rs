@@ -1,5 +1,7 @@
 //! Real maps, imported: the free areas and what an agent can reach, as the README beside them lists.
 
+mod cases;
+
 use std::path::Path;
 
 use trodden::domain::geometry::Grid;
@@ -12,7 +14,7 @@ fn import(yaml: &Path, resolution: f64) -> OccupancyMap {
     let parsed = MapYaml::parse(&text).unwrap_or_else(|error| panic!("{}: {error}", yaml.display()));
     let image = std::fs::read(yaml.with_file_name(&parsed.image)).expect("the image is readable");
     let config = ImportConfig { resolution, ..ImportConfig::default() };
-    import_ros(&parsed, &image, &config).unwrap_or_else(|error| panic!("{}: {error}", yaml.display()))
+    import_ros(&parsed, &image, &config).unwrap_or_else(|error| panic!("{}: {error}", yaml.display())).map
 }
 
 /// Returns the share of the free cells that lies in the largest of the regions of `open`.

@@ -2,31 +2,44 @@
 
 use std::io::ErrorKind;
 use std::ops::ControlFlow;
+use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
 use super::screen::Screen;
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
-use crate::domain::map::{IGIBSON_IMAGE, ImportConfig};
+use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Survey};
 use crate::domain::quantize::OBSTACLE;
 use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
-use crate::pipeline::stage::StageError;
+use crate::pipeline::stage::Stage;
 use crate::report::bars::WorkBar;
 use crate::report::picture::{Picture, Scale};
 use crate::report::png;
-use crate::stages::import_map::{ImportMap, Origin};
+use crate::stages::import_map::{self, ImportMap};
+use crate::stages::map_origin::Origin;
 use crate::stages::{annotate, compute};
-use crate::store::write_whole;
+use crate::store::{read_bounded, write_whole};
+
+/// The files that it writes.
+const HEAT: &str = "heat.parquet";
+const MAP: &str = "map.parquet";
+const PICTURE: &str = "heat.png";
+/// The most bytes of a file of a checkpoint.
+const MOST_BYTES: u64 = 4 << 30;
 
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "It writes `heat.parquet` (one row a cell: heat, class, probabilities), `heat.png`, and `map.parquet`.
 
+Maps of ROS are read as nav2 reads them, but for the gray value 205: `map_saver` writes it for unknown space, so it is unknown \
+whatever the thresholds say.
+
 Examples:
   trodden annotate my_map.yaml --model artifacts/latest/quickstart/model --out annotated
-  trodden annotate plan.png --image-resolution 0.05 --model model --out annotated --mode exact --stride 1"
+  trodden annotate plan.png --image-resolution 0.05 --model model --out annotated --mode exact --stride 1
+  trodden annotate Rs_int --floor 0 --region all --model model --out annotated"
 )]
 pub struct Args {
     /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
@@ -37,9 +50,6 @@ pub struct Args {
     /// Folder to write to.
     #[arg(long, short)]
     out: PathBuf,
-    /// Edge of a pixel in meters, for a plain image.
-    #[arg(long, value_name = "METERS")]
-    image_resolution: Option<f64>,
     /// `dense`: the whole map at once; `exact`: sliding windows, as the paper has it [default: dense; exact with --stride].
     #[arg(long, value_enum)]
     mode: Option<ModeName>,
@@ -52,6 +62,54 @@ pub struct Args {
     /// Divide by the map's maximum.
     #[arg(long)]
     normalize: bool,
+    #[command(flatten)]
+    import: ImportArgs,
+}
+
+/// How the map is read: what `files` and `igibson` of a pipeline file take too.
+#[derive(Debug, clap::Args)]
+#[command(next_help_heading = "How the map is read")]
+struct ImportArgs {
+    /// Edge of a pixel in meters, for a plain image.
+    #[arg(long, value_name = "METERS")]
+    image_resolution: Option<f64>,
+    /// Brightness from which on a pixel is free, as a share of white, for a plain image [default: 0.5].
+    #[arg(long, value_name = "SHARE")]
+    threshold: Option<f64>,
+    /// Occupancy up to which a pixel is free, instead of what the YAML of a map of ROS says.
+    #[arg(long, value_name = "SHARE")]
+    free_thresh: Option<f64>,
+    /// Occupancy from which on a pixel is occupied, instead of what the YAML of a map of ROS says.
+    #[arg(long, value_name = "SHARE")]
+    occupied_thresh: Option<f64>,
+    /// Black is free and white is occupied; `--negate=false` if the YAML of a map of ROS says so and is wrong.
+    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true", require_equals = true)]
+    negate: Option<bool>,
+    /// Number of the floor, for an iGibson scene [default: 0, or the only one].
+    #[arg(long, value_name = "NUMBER")]
+    floor: Option<u32>,
+    /// Edge of a cell of the result in meters; models are trained on cells of one size.
+    #[arg(long, value_name = "METERS", default_value_t = ImportConfig::default().resolution)]
+    resolution: f64,
+    /// Which of separate regions of free floor are kept: `largest` (that is not outdoors), `all`, or the one at `x,y`, in
+    /// meters in the frame of the map.
+    #[arg(long, default_value = "largest", allow_hyphen_values = true)]
+    region: Region,
+}
+
+impl ImportArgs {
+    const fn config(&self) -> ImportConfig {
+        ImportConfig {
+            resolution: self.resolution,
+            region: self.region,
+            image_resolution: self.image_resolution,
+            threshold: self.threshold,
+            occupied_thresh: self.occupied_thresh,
+            free_thresh: self.free_thresh,
+            negate: self.negate,
+            floor: self.floor,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -63,11 +121,15 @@ enum ModeName {
 impl Args {
     pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let config = self.config()?;
-        let import = ImportConfig { image_resolution: self.image_resolution, ..ImportConfig::default() };
-        let map = ImportMap::new(Origin::of(&self.map), import).map_err(|error| self.unreadable(error))?.import()?;
+        let import = self.importer()?;
+        self.check_outputs(&import)?;
         let checkpoint = self.checkpoint()?;
-        let compute = compute::open(config.device)?;
+        let name = import.origin().map_name();
+        screen.remark(format!("annotating {}", import.origin().path().display()));
         let mut bar = WorkBar::new("annotate", screen.color());
+        let Imported { map, survey } = import.import()?;
+        bar.said(|| screen.remark(said(&survey)));
+        let compute = compute::open(config.device)?;
         let mut progress = |done: usize, all: usize| {
             bar.advance(done, all);
             ControlFlow::Continue(())
@@ -75,10 +137,43 @@ impl Args {
         let heat = Placed::new(*map.frame(), annotate::heat(&map, &checkpoint, &config, &compute, &mut progress)?);
         drop(bar);
         std::fs::create_dir_all(&self.out).map_err(|source| self.failed(&self.out, source))?;
-        self.write("heat.parquet", &heat.to_bytes()?, screen)?;
-        self.write("map.parquet", &map.to_bytes()?, screen)?;
-        self.write("heat.png", &self.picture(&heat), screen)?;
+        self.write(HEAT, &heat.to_bytes()?, screen)?;
+        self.write(MAP, &map.to_bytes()?, screen)?;
+        self.write(PICTURE, &picture(&heat, &name), screen)?;
         Ok(ExitCode::SUCCESS)
+    }
+
+    /// Finds the map; refuses options that it has no use for.
+    fn importer(&self) -> Result<ImportMap, CliError> {
+        let config = self.import.config();
+        let origin = Origin::of(&self.map, &config)?;
+        if let Some(field) = config.unfit(origin.form()).first() {
+            let error = MapImportError::Unfit { field, form: origin.form() };
+            let option = format!("`--{}` does not fit {}", field.replace('_', "-"), origin.form());
+            return Err(match import_map::help(&error) {
+                Some(help) => CliError::advised(option, help),
+                None => CliError::request(option),
+            });
+        }
+        Ok(ImportMap::new(origin, config)?)
+    }
+
+    /// Refuses to write where the map, the model or something of the store is, through whatever links.
+    fn check_outputs(&self, import: &ImportMap) -> Result<(), CliError> {
+        let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
+        inputs.extend(Checkpoint::FILES.iter().map(|name| self.model.join(name)));
+        for output in [HEAT, MAP, PICTURE].map(|name| self.out.join(name)) {
+            let same = |input: &&PathBuf| same_file(input, &output);
+            if let Some(input) = inputs.iter().find(same) {
+                let what = format!("`{}` would overwrite its source `{}`", output.display(), input.display());
+                return Err(CliError::advised(what, "choose another folder with `--out`"));
+            }
+            if std::fs::symlink_metadata(&output).is_ok_and(|metadata| metadata.is_symlink()) {
+                let what = format!("`{}` is a link to something else", output.display());
+                return Err(CliError::advised(what, "remove it, or choose another folder with `--out`"));
+            }
+        }
+        Ok(())
     }
 
     fn config(&self) -> Result<AnnotateConfig, CliError> {
@@ -96,22 +191,10 @@ impl Args {
         AnnotateConfig::try_from(fields).map_err(refused)
     }
 
-    /// Says how a folder is read; that it lacks the file of a scene is puzzling if it was meant otherwise.
-    fn unreadable(&self, error: StageError) -> CliError {
-        if !(self.map.is_dir() && matches!(error, StageError::Source { .. })) {
-            return error.into();
-        }
-        let folder = self.map.display();
-        CliError::advised(
-            format!("`{folder}` is no folder of an iGibson scene: it has no `{IGIBSON_IMAGE}`"),
-            "for a map of ROS give its YAML file",
-        )
-    }
-
     fn checkpoint(&self) -> Result<Checkpoint, CliError> {
         let read = |name: &'static str| {
             let path = self.model.join(name);
-            std::fs::read(&path).map_err(|source| match source.kind() {
+            read_bounded(&path, MOST_BYTES).map_err(|source| match source.kind() {
                 ErrorKind::NotFound | ErrorKind::NotADirectory => {
                     let what = format!("`{}` is no folder of a checkpoint: it has no `{name}`", self.model.display());
                     CliError::advised(what, "give that of a `train` node, such as `artifacts/latest/quickstart/model`")
@@ -127,13 +210,6 @@ impl Args {
         Ok(Checkpoint::from_files(|name| Ok(files.remove(name).expect("read above")))?)
     }
 
-    fn picture(&self, heat: &Placed<Heat>) -> Vec<u8> {
-        let name = self.map.file_stem().unwrap_or(self.map.as_os_str()).to_string_lossy();
-        let walls = heat.value.classes.map(|class| *class == OBSTACLE);
-        let picture = Picture::values(heat.frame, heat.value.heat.clone(), Some(walls), "heat", None);
-        png::figure(&picture, Scale::Linear, &name)
-    }
-
     fn write(&self, name: &str, bytes: &[u8], screen: &Screen) -> Result<(), CliError> {
         let path = self.out.join(name);
         write_whole(&path, bytes).map_err(|source| self.failed(&path, source))?;
@@ -143,4 +219,23 @@ impl Args {
     fn failed(&self, path: &Path, source: std::io::Error) -> CliError {
         CliError::File { action: "write", path: path.to_owned(), source }
     }
+}
+
+/// Says what became of the free floor of the map, and how to have it otherwise.
+fn said(survey: &Survey) -> String {
+    let advice = if survey.is_odd() { "; `--region all` or `--region x,y` keeps other regions" } else { "" };
+    let warning = if survey.is_odd() { "warning: " } else { "" };
+    format!("{warning}{survey}{advice}")
+}
+
+fn picture(heat: &Placed<Heat>, name: &str) -> Vec<u8> {
+    let walls = heat.value.classes.map(|class| *class == OBSTACLE);
+    let picture = Picture::values(heat.frame, heat.value.heat.clone(), Some(walls), "heat", None);
+    png::figure(&picture, Scale::Linear, name)
+}
+
+/// Tells whether two paths lead to one file.
+fn same_file(a: &Path, b: &Path) -> bool {
+    let of = |path: &Path| std::fs::metadata(path).map(|metadata| (metadata.dev(), metadata.ino())).ok();
+    of(a).is_some_and(|a| of(b) == Some(a))
 }

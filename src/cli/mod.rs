@@ -30,6 +30,7 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::domain::map::DECODER_THREAD;
 use error::CliError;
 use screen::Screen;
 
@@ -102,6 +103,13 @@ enum Command {
 /// Parses the command line, runs the command and returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
+    let hook = std::panic::take_hook();
+    std::panic::set_hook(Box::new(move |panic| {
+        // What panics there comes back as an error that names the file.
+        if std::thread::current().name() != Some(DECODER_THREAD) {
+            hook(panic);
+        }
+    }));
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(said) => return explain(&said),

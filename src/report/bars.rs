@@ -243,6 +243,11 @@ impl WorkBar {
         Self(NodeBar { bar, sized: false, moved: Instant::now() })
     }
 
+    /// Takes the bar away while something is said on stderr.
+    pub fn said(&self, say: impl FnOnce()) {
+        self.0.bar.suspend(say);
+    }
+
     /// Shows that so much of all is done.
     pub fn advance(&mut self, done: usize, total: usize) {
         self.0.advance(done as u64, total as u64);

@@ -2,82 +2,30 @@
 
 use std::path::{Path, PathBuf};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
+use super::map_origin::Origin;
 use super::{kind, write};
 use crate::domain::map::{
-    IGIBSON_IMAGE, ImportConfig, MapImportError, MapYaml, OccupancyMap, import_igibson, import_image, import_ros,
+    ImportConfig, Imported, MapForm, MapImportError, MapYaml, OccupancyMap, import_igibson, import_image, import_ros,
 };
 use crate::pipeline::stage::{Context, Inputs, Needs, Output, Part, Source, Stage, StageError, StageSpec};
-use crate::store::Store;
+use crate::store::{Store, read_bounded};
+
+/// The most bytes of an image: 16 bits in each of four channels, and as much again for what else is in such a file.
+const MOST_IMAGE: u64 = 16 * crate::domain::map::MOST_PIXELS;
+/// The most bytes of a YAML.
+const MOST_YAML: u64 = 1 << 20;
 
 /// What is the same for every imported map.
 pub const SPEC: StageSpec = StageSpec {
     name: "import-map",
-    version: 1,
+    version: 2,
     ports: &[],
     output: kind::<OccupancyMap>(),
     seeded: false,
     doc: "Reads a map of ROS `map_server`, a plain image or an iGibson scene, and resamples it.",
 };
-
-/// Where a map comes from.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Origin {
-    /// A YAML file of ROS `map_server`; it names its image.
-    Ros(PathBuf),
-    /// An image without a description.
-    Image(PathBuf),
-    /// The folder of an iGibson scene.
-    Igibson(PathBuf),
-}
-
-impl Origin {
-    /// Tells by its name and content what a path is: a folder is an iGibson scene, a YAML file a ROS map, all else an image.
-    #[must_use]
-    pub fn of(path: &Path) -> Self {
-        let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
-        if path.is_dir() {
-            return Self::Igibson(path.to_owned());
-        }
-        match extension.as_deref() {
-            Some("yaml" | "yml") => Self::Ros(path.to_owned()),
-            _ => Self::Image(path.to_owned()),
-        }
-    }
-
-    /// Returns the name of the map: the file's stem, or its folder's name where the stem is `map`.
-    #[must_use]
-    pub fn map_name(&self) -> String {
-        let name = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
-        let found = match self {
-            Self::Igibson(folder) => name(folder.file_name()),
-            Self::Ros(file) | Self::Image(file) => match name(file.file_stem()) {
-                Some(stem) if stem == "map" => {
-                    let folder = std::path::absolute(file).ok();
-                    name(folder.as_deref().and_then(Path::parent).and_then(Path::file_name)).or(Some(stem))
-                }
-                stem => stem,
-            },
-        };
-        found.unwrap_or_else(|| "map".to_owned())
-    }
-
-    const fn name(&self) -> &'static str {
-        match self {
-            Self::Ros(_) => "ros",
-            Self::Image(_) => "image",
-            Self::Igibson(_) => "igibson",
-        }
-    }
-
-    /// The file that a user would look at when something is wrong.
-    fn path(&self) -> &Path {
-        match self {
-            Self::Ros(path) | Self::Image(path) | Self::Igibson(path) => path,
-        }
-    }
-}
 
 /// One map to import.
 #[derive(Debug, Clone)]
@@ -90,43 +38,64 @@ impl ImportMap {
     /// Joins a place with the way to read it.
     ///
     /// # Errors
-    /// [`StageError`] if a file is missing or the YAML is not a map's.
+    /// [`StageError`] if a file is missing or no regular one, or if the YAML is not a map's.
     pub fn new(origin: Origin, config: ImportConfig) -> Result<Self, StageError> {
         let import = Self { origin, config };
         import.config.check().map_err(|error| import.failed(error))?;
         if matches!(import.origin, Origin::Image(_)) && import.config.image_resolution.is_none() {
             return Err(import.failed(MapImportError::ImageResolution));
         }
-        for source in import.sources()? {
-            if let Err(error) = std::fs::metadata(&source.path) {
-                return Err(StageError::Source { path: source.path, source: error });
-            }
+        let yaml = match &import.origin {
+            Origin::Ros(file) => Some((file, import.yaml(file)?)),
+            _ => None,
+        };
+        let image = import.image(yaml.as_ref().map(|(_, yaml)| yaml));
+        if let Err(source) = crate::store::open_regular(&image) {
+            return Err(match yaml {
+                Some((file, yaml)) => image_missing(file, &yaml.image, &image, source),
+                None => StageError::Source { path: image, source },
+            });
         }
         Ok(import)
+    }
+
+    /// Returns where the map comes from.
+    #[must_use]
+    pub const fn origin(&self) -> &Origin {
+        &self.origin
     }
 
     /// Reads the map.
     ///
     /// # Errors
     /// [`StageError`] if a file cannot be read or is not what it should be.
-    pub fn import(&self) -> Result<OccupancyMap, StageError> {
-        let map = match &self.origin {
-            Origin::Ros(file) => {
-                let yaml = self.yaml(file)?;
-                let image = image_of(file, &yaml);
-                let map = import_ros(&yaml, &bytes(&image)?, &self.config);
-                return map.map_err(|error| if is_image(&error) { failed(&image, error) } else { failed(file, error) });
-            }
-            Origin::Image(file) => import_image(&bytes(file)?, &self.config),
-            Origin::Igibson(folder) => import_igibson(&bytes(&folder.join(IGIBSON_IMAGE))?, &self.config),
+    pub fn import(&self) -> Result<Imported, StageError> {
+        let yaml = match &self.origin {
+            Origin::Ros(file) => Some(self.yaml(file)?),
+            _ => None,
         };
-        map.map_err(|error| self.failed(error))
+        let image = self.image(yaml.as_ref());
+        let bytes = bytes(&image, MOST_IMAGE)?;
+        let map = match (&self.origin, &yaml) {
+            (Origin::Ros(_), Some(yaml)) => import_ros(yaml, &bytes, &self.config),
+            (Origin::Igibson { .. }, _) => import_igibson(&bytes, &self.config),
+            _ => import_image(&bytes, &self.config),
+        };
+        map.map_err(|error| if is_image(&error) { failed(&image, error) } else { self.failed(error) })
     }
 
     fn yaml(&self, file: &Path) -> Result<MapYaml, StageError> {
-        let text = bytes(file)?;
+        let text = bytes(file, MOST_YAML)?;
         let text = String::from_utf8_lossy(&text);
-        MapYaml::parse(&text).map_err(|error| self.failed(error))
+        MapYaml::parse(text.trim_start_matches('\u{feff}')).map_err(|error| self.failed(error))
+    }
+
+    fn image(&self, yaml: Option<&MapYaml>) -> PathBuf {
+        match (&self.origin, yaml) {
+            (Origin::Ros(file), Some(yaml)) => file.parent().unwrap_or_else(|| Path::new("")).join(&yaml.image),
+            (Origin::Igibson { image, .. }, _) => image.clone(),
+            (Origin::Ros(path) | Origin::Image(path), _) => path.clone(),
+        }
     }
 
     fn failed(&self, error: MapImportError) -> StageError {
@@ -136,53 +105,140 @@ impl ImportMap {
 
 /// Names the file in what the domain has to say, and what helps.
 fn failed(path: &Path, error: MapImportError) -> StageError {
-    let message = format!("{}: {error}", path.display());
-    let help = match &error {
+    let help = help(&error);
+    StageError::Failed { message: format!("{}: {error}", path.display()), help, source: Some(Box::new(error)) }
+}
+
+/// Says what helps.
+#[must_use]
+pub fn help(error: &MapImportError) -> Option<String> {
+    let advice = match error {
         MapImportError::ImageResolution => {
-            Some("write `files: { paths: [...], image_resolution: 0.05 }`, or `--image-resolution 0.05`")
+            "write `files: { paths: [...], image_resolution: 0.05 }`, or `--image-resolution 0.05`"
         }
-        MapImportError::Map(_) => Some("check thresholds and `negate`: free space must be brighter than walls"),
-        MapImportError::TooManyPixels { .. } => Some("scale the image down first"),
-        MapImportError::ImageCutShort | MapImportError::Image { .. } => {
-            Some("the file is damaged: fetch or export it again")
+        MapImportError::Map(_) => "check thresholds and `negate`: free space must be brighter than walls",
+        MapImportError::TooManyPixels { .. } => "scale the image down first",
+        MapImportError::ImageCutShort
+        | MapImportError::Image { .. }
+        | MapImportError::Pnm(_)
+        | MapImportError::Decoder(_)
+        | MapImportError::Empty => "the file is damaged: fetch or export it again",
+        MapImportError::LfsPointer { .. } => "fetch the file itself: `git lfs pull` in its repository",
+        MapImportError::ImageFormat => "convert it to PNG first",
+        MapImportError::Thresholds { .. } => "raise `occupied_thresh` or lower `free_thresh`",
+        MapImportError::Transparent { .. } => "put the picture on a white ground first, without an alpha channel",
+        MapImportError::TooSmall { .. } => {
+            "check the resolution, thresholds and `negate`, or name another region: `region: all`, or \
+             `region: [x, y]` in meters (`--region`)"
         }
-        MapImportError::ImageFormat => Some("convert it to PNG first"),
-        MapImportError::Thresholds { .. } => Some("raise `occupied_thresh` or lower `free_thresh`"),
-        _ => None,
+        MapImportError::NoRegion { .. } => "coordinates are meters in the frame of the map, where its `origin` is set",
+        MapImportError::Field { field: "origin", found, .. } if found.to_lowercase().contains("nan") => {
+            "write 0 for what is no number: a yaw of 0 keeps the map as it is drawn"
+        }
+        MapImportError::Field { field: "origin", .. } => {
+            "write x and y of the lower left corner in meters and the yaw in radians: `origin: [0.0, 0.0, 0.0]`"
+        }
+        MapImportError::Unfit { form, .. } => match form {
+            MapForm::Ros => {
+                "leave it out: the YAML says it; `occupied_thresh`, `free_thresh` and `negate` replace what it says"
+            }
+            MapForm::Image => "leave it out: plain images take `image_resolution`, `threshold` and `negate`",
+            MapForm::Igibson => "leave it out: scenes take `floor`; what is white in their pictures is free",
+        },
+        _ => return None,
     };
-    StageError::Failed { message, help: help.map(str::to_owned), source: Some(Box::new(error)) }
+    Some(advice.to_owned())
+}
+
+/// Says which YAML names an image that is not there, and what is wrong with the name.
+fn image_missing(yaml: &Path, named: &str, image: &Path, source: std::io::Error) -> StageError {
+    let folder = yaml.parent().unwrap_or_else(|| Path::new(""));
+    let last = named.rsplit(['/', '\\']).next().unwrap_or_default();
+    let near = std::iter::once(PathBuf::from(last)).chain(
+        ["pgm", "png", "jpg", "jpeg", "bmp", "tif", "tiff"].map(|ending| Path::new(last).with_extension(ending)),
+    );
+    let near = near.filter(|name| name.file_name().is_some()).find(|name| folder.join(name).is_file());
+    let shell = |start: &str| named.starts_with(start);
+    let why = if shell("~") {
+        "`~` is not expanded in a map's YAML"
+    } else if shell("package://") || shell("file://") || shell("model://") {
+        "a URL is not looked up"
+    } else if named.contains("$(") || shell("$") {
+        "substitutions of launch files are not expanded in a map's YAML"
+    } else if named.contains('\\') {
+        "write `/` instead of `\\`"
+    } else {
+        "the path starts at the folder of the YAML"
+    };
+    let remedy = match near {
+        Some(near) => format!("write `image: {}`, which lies beside the YAML", near.display()),
+        None => "write the path of the image, relative to the folder of the YAML or absolute".to_owned(),
+    };
+    StageError::Failed {
+        message: format!(
+            "{}: `image` names `{named}`, but `{}` cannot be read: {source}",
+            yaml.display(),
+            image.display()
+        ),
+        help: Some(format!("{why}: {remedy}")),
+        source: Some(Box::new(source)),
+    }
 }
 
 /// Tells whether the image is to blame, not the YAML that names it.
 const fn is_image(error: &MapImportError) -> bool {
-    use MapImportError::{Image, ImageCutShort, ImageFormat, TooManyPixels};
-    matches!(error, Image { .. } | ImageCutShort | ImageFormat | TooManyPixels { .. })
-}
-
-fn image_of(yaml_file: &Path, yaml: &MapYaml) -> PathBuf {
-    yaml_file.parent().unwrap_or_else(|| Path::new("")).join(&yaml.image)
+    use MapImportError::{
+        Decoder, Empty, Image, ImageCutShort, ImageFormat, LfsPointer, Pnm, TooManyPixels, Transparent,
+    };
+    matches!(
+        error,
+        Image { .. }
+            | ImageCutShort
+            | ImageFormat
+            | TooManyPixels { .. }
+            | Decoder(_)
+            | Empty
+            | LfsPointer { .. }
+            | Pnm(_)
+            | Transparent { .. }
+    )
 }
 
 /// Returns the number of pixels that the header of an image tells of, at least one for each byte of the file.
 fn pixels(path: &Path) -> u64 {
-    let Ok(metadata) = std::fs::metadata(path) else { return 0 };
-    if !metadata.is_file() {
-        return 0;
-    }
-    let reader = image::ImageReader::open(path).and_then(image::ImageReader::with_guessed_format).ok();
+    let Ok(file) = crate::store::open_regular(path) else { return 0 };
+    let bytes = file.metadata().map_or(0, |metadata| metadata.len());
+    let reader = image::ImageReader::new(std::io::BufReader::new(file)).with_guessed_format().ok();
     let size = reader.and_then(|reader| reader.into_dimensions().ok());
-    size.map_or(0, |(width, height)| u64::from(width) * u64::from(height)).max(metadata.len())
+    size.map_or(0, |(width, height)| u64::from(width) * u64::from(height)).max(bytes)
 }
 
-fn bytes(path: &Path) -> Result<Vec<u8>, StageError> {
-    std::fs::read(path).map_err(|source| StageError::Source { path: path.to_owned(), source })
+fn bytes(path: &Path, limit: u64) -> Result<Vec<u8>, StageError> {
+    read_bounded(path, limit).map_err(|source| StageError::Source { path: path.to_owned(), source })
 }
 
 impl Stage for ImportMap {
+    /// Only what has a meaning for this form of map, so that the rest changes no key.
     fn parameters(&self) -> Value {
-        let mut value = super::to_json(&self.config);
-        let object = value.as_object_mut().expect("settings are an object");
-        object.insert("source".to_owned(), self.origin.name().into());
+        let ImportConfig { resolution, region, .. } = &self.config;
+        let mut value = json!({ "resolution": resolution, "region": region });
+        let more = match self.origin.form() {
+            MapForm::Ros => json!({
+                "source": "ros",
+                "occupied_thresh": self.config.occupied_thresh,
+                "free_thresh": self.config.free_thresh,
+                "negate": self.config.negate,
+            }),
+            MapForm::Image => json!({
+                "source": "image",
+                "image_resolution": self.config.image_resolution,
+                "threshold": self.config.threshold.unwrap_or(ImportConfig::THRESHOLD),
+                "negate": self.config.negate.unwrap_or(false),
+            }),
+            MapForm::Igibson => json!({ "source": "igibson" }),
+        };
+        let object = value.as_object_mut().expect("made as an object");
+        object.extend(more.as_object().expect("made as an object").clone());
         value
     }
 
@@ -191,20 +247,24 @@ impl Stage for ImportMap {
         Ok(match &self.origin {
             Origin::Ros(file) => {
                 let yaml = self.yaml(file)?;
-                vec![source("yaml", file.clone()), source("image", image_of(file, &yaml))]
+                vec![source("yaml", file.clone()), source("image", self.image(Some(&yaml)))]
             }
-            Origin::Image(file) => vec![source("image", file.clone())],
-            Origin::Igibson(folder) => vec![source("image", folder.join(IGIBSON_IMAGE))],
+            _ => vec![source("image", self.image(None))],
         })
     }
 
     fn needs(&self, _: Part, inputs: &Inputs, _: &Store) -> Needs {
-        // Up to eight bytes as it is decoded, and its shades.
+        // Up to eight bytes as it is decoded, the file itself, what the pixels say, and regions of at most as many cells.
         let pixels = inputs.sources.get("image").map_or(0, |(path, _)| pixels(path));
-        super::memory(pixels.saturating_mul(16))
+        super::memory(pixels.saturating_mul(20))
     }
 
     fn run(&self, _: Part, _: &Inputs, context: &Context) -> Result<Output, StageError> {
-        write(context, &self.import()?)
+        let Imported { map, survey } = self.import()?;
+        if survey.is_odd() || survey.share() < 1.0 {
+            let advice = if survey.is_odd() { "; `region: all` or `region: [x, y]` keeps others" } else { "" };
+            (context.warn)(format!("{survey}{advice}"));
+        }
+        write(context, &map)
     }
 }

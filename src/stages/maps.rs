@@ -8,10 +8,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::generate_map::{self, GenerateMap};
-use super::import_map::{self, ImportMap, Origin};
+use super::import_map::{self, ImportMap};
+use super::map_origin::Origin;
 use super::{parse, schema};
 use crate::domain::homes::{HomeConfig, HomeKind};
-use crate::domain::map::ImportConfig;
+use crate::domain::map::{ImportConfig, MapForm, MapImportError, igibson_floor};
 use crate::pipeline::stage::{MapNode, MapSource, ParameterError, StageError};
 
 /// All sources.
@@ -34,14 +35,14 @@ pub const SOURCES: &[MapSource] = &[
         name: "files",
         doc: "Maps of ROS `map_server` (their YAML files) and plain images, by path or glob.",
         seeded: false,
-        expand: files,
+        expand: |value, folder| files(value, folder, MapForm::Ros),
         schema: files_schema,
     },
     MapSource {
         name: "igibson",
-        doc: "Folders of iGibson scenes, by path or glob.",
+        doc: "Folders of iGibson scenes, by path or glob; what else matches a glob is passed over.",
         seeded: false,
-        expand: files,
+        expand: |value, folder| files(value, folder, MapForm::Igibson),
         schema: files_schema,
     },
 ];
@@ -94,7 +95,7 @@ fn generated_schema() -> Value {
 }
 
 /// One path, many, or paths with the way to read them.
-fn files(value: &Value, folder: &Path) -> Result<Vec<MapNode>, ParameterError> {
+fn files(value: &Value, folder: &Path, form: MapForm) -> Result<Vec<MapNode>, ParameterError> {
     let (paths, config) = match value {
         Value::Object(object) => {
             let mut rest = object.clone();
@@ -111,23 +112,41 @@ fn files(value: &Value, folder: &Path) -> Result<Vec<MapNode>, ParameterError> {
             return Err(refused_here(format!("expected a path, a list of paths or `{{ paths: … }}`, found `{other}`")));
         }
     };
-    let mut nodes = Vec::new();
+    let (mut nodes, mut forms) = (Vec::new(), Vec::new());
     for (at, pattern) in patterns.iter().enumerate() {
-        for path in
-            matching(pattern, folder).map_err(|message| placed(at, value, message, Some(RELATIVE.to_owned())))?
-        {
-            let origin = Origin::of(&path);
-            let name = origin.map_name();
-            let stage = ImportMap::new(origin, config.clone()).map_err(|error| refused_file(at, value, error))?;
-            nodes.push(MapNode { name, spec: &import_map::SPEC, stage: Arc::new(stage) });
+        let found = matching(pattern, folder, form);
+        for path in found.map_err(|message| placed(at, value, message, Some(relative(pattern))))? {
+            let node = node(&path, &config, &mut forms);
+            nodes.push(node.map_err(|error| refused_file(at, value, pattern, error))?);
         }
     }
+    check_forms(&config, &forms)?;
     Ok(nodes)
+}
+
+fn node(path: &Path, config: &ImportConfig, forms: &mut Vec<MapForm>) -> Result<MapNode, StageError> {
+    let origin = Origin::of(path, config)?;
+    forms.push(origin.form());
+    let name = origin.map_name();
+    let stage = ImportMap::new(origin, config.clone())?;
+    Ok(MapNode { name, spec: &import_map::SPEC, stage: Arc::new(stage) })
+}
+
+/// Refuses a setting that none of the maps has a use for.
+fn check_forms(config: &ImportConfig, forms: &[MapForm]) -> Result<(), ParameterError> {
+    let unfit: Vec<Vec<&str>> = forms.iter().map(|form| config.unfit(*form)).collect();
+    let Some(field) =
+        unfit.first().and_then(|first| first.iter().find(|field| unfit.iter().all(|u| u.contains(field))))
+    else {
+        return Ok(());
+    };
+    let error = MapImportError::Unfit { field, form: forms[0] };
+    Err(ParameterError { help: import_map::help(&error), ..super::refused(field, error.to_string()) })
 }
 
 /// The paths that a pattern stands for, in order. What names a file or a folder that is there is no pattern, whatever it
 /// looks like.
-fn matching(pattern: &str, folder: &Path) -> Result<Vec<PathBuf>, String> {
+fn matching(pattern: &str, folder: &Path, form: MapForm) -> Result<Vec<PathBuf>, String> {
     let full = folder.join(pattern);
     if !pattern.contains(['*', '?', '[']) || full.symlink_metadata().is_ok() {
         return Ok(vec![full]);
@@ -138,8 +157,20 @@ fn matching(pattern: &str, folder: &Path) -> Result<Vec<PathBuf>, String> {
     let paths = glob::glob(&wanted.to_string_lossy()).map_err(|error| format!("`{pattern}` is no pattern: {error}"))?;
     let found: Result<Vec<PathBuf>, glob::GlobError> = paths.collect();
     let mut found = found.map_err(|error| format!("failed to look for `{pattern}`: {error}"))?;
+    let is_scene = |path: &PathBuf| {
+        path.is_dir() || path.file_name().is_some_and(|name| igibson_floor(&name.to_string_lossy()).is_some())
+    };
+    found.retain(|path| form != MapForm::Igibson || is_scene(path));
     found.sort();
     if found.is_empty() { Err(format!("no file matches `{}`", full.display())) } else { Ok(found) }
+}
+
+/// Says where the paths of a pipeline file start.
+fn relative(pattern: &str) -> String {
+    if pattern.starts_with('~') {
+        return "`~` is not expanded: write `${HOME}` instead".to_owned();
+    }
+    RELATIVE.to_owned()
 }
 
 fn refused_here(message: String) -> ParameterError {
@@ -158,10 +189,10 @@ fn placed(at: usize, value: &Value, message: String, help: Option<String>) -> Pa
     ParameterError { path, message, help }
 }
 
-fn refused_file(at: usize, value: &Value, error: StageError) -> ParameterError {
+fn refused_file(at: usize, value: &Value, pattern: &str, error: StageError) -> ParameterError {
     match error {
         StageError::Source { path, source } => {
-            placed(at, value, format!("failed to read `{}`: {source}", path.display()), Some(RELATIVE.to_owned()))
+            placed(at, value, format!("failed to read `{}`: {source}", path.display()), Some(relative(pattern)))
         }
         StageError::Failed { message, help, .. } => placed(at, value, message, help),
         other => placed(at, value, other.to_string(), None),

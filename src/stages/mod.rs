@@ -10,6 +10,7 @@ mod definition;
 mod episodes;
 pub mod generate_map;
 pub mod import_map;
+pub mod map_origin;
 pub mod maps;
 pub mod navigate;
 pub mod quantize;

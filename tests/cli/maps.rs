@@ -113,14 +113,17 @@ fn a_plain_image_without_a_resolution() {
 #[test]
 fn annotate_refuses_what_is_no_map_or_no_model() {
     let place = Place::finished();
-    place.write("flat.pgm", b"P5\n1 1\n255\n\xff");
+    place.write("flat.pgm", room(12));
     let model = "artifacts/latest/tiny/model";
-    let requests: [&[&str]; 5] = [
+    let requests: [&[&str]; 8] = [
         &["nowhere.yaml", "--model", model],
         &["flat.pgm", "--model", model],
         &["artifacts", "--model", model],
         &["flat.pgm", "--image-resolution", "0.1", "--model", "artifacts/latest/tiny/walks"],
         &["flat.pgm", "--image-resolution", "0.1", "--model", model, "--stride", "0", "--mode", "exact"],
+        &["flat.pgm", "--image-resolution", "0.1", "--model", model, "--free-thresh", "0.2"],
+        &["flat.pgm", "--image-resolution", "0.1", "--model", model, "--region", "7,-7"],
+        &["flat.pgm", "--image-resolution", "0.1", "--model", model, "--region", "biggest"],
     ];
     let said: Vec<String> = requests
         .iter()
@@ -131,4 +134,154 @@ fn annotate_refuses_what_is_no_map_or_no_model() {
         .collect();
     check("annotate-refused", &said.join("\n"));
     assert!(!place.path("out").exists());
+}
+
+/// A binary PGM of a white room of so many cells in a black wall, beside a smaller one.
+fn room(size: usize) -> Vec<u8> {
+    let cols = size + 2 + size / 4 + 1;
+    let white = |row, col| (1..=size).contains(&row) && col != size + 1 && (1..cols - 1).contains(&col);
+    let mut bytes = format!("P5 {cols} {} 255\n", size + 2).into_bytes();
+    bytes.extend((0..size + 2).flat_map(|row| (0..cols).map(move |col| 255 * u8::from(white(row, col)))));
+    bytes
+}
+
+#[test]
+fn annotate_says_what_it_reads_and_never_writes_over_it() {
+    let place = Place::finished();
+    let model = "artifacts/latest/tiny/model";
+    place.write("ward/map.pgm", room(40));
+    place.write("ward/map.yaml", ros("map.pgm", "", ""));
+    let said = place.run(&["annotate", "ward/map.yaml", "--model", model, "--out", "ward"]);
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    let warning = "kept 16.0 of 20.0 m² of free floor (80.0 %), the largest of 2 regions";
+    assert!(said.err.starts_with("annotating ward/map.yaml\nwarning: ") && said.err.contains(warning), "{}", said.err);
+    let all = place.run(&["annotate", "ward/map.yaml", "--model", model, "--out", "all", "--region", "all"]);
+    assert!(
+        all.err.contains("kept 20.0 of 20.0 m² of free floor (100.0 %)\n") && !all.err.contains("warning"),
+        "{}",
+        all.err
+    );
+    // Its own output, read again into the same folder, through whatever links.
+    std::os::unix::fs::symlink("ward", place.path("same")).expect("links");
+    let image = &["--image-resolution", "0.1", "--model", model][..];
+    for (map, out) in [("ward/heat.png", "ward"), ("ward/heat.png", "same"), ("same/heat.png", "ward/../ward")] {
+        let before = std::fs::read(place.path("ward/heat.png")).expect("reads");
+        let said = place.refused(2, &[&["annotate", map], image, &["--out", out]].concat());
+        assert!(said.contains("would overwrite its source") && said.contains("help:"), "{said}");
+        assert_eq!(std::fs::read(place.path("ward/heat.png")).expect("reads"), before);
+    }
+    std::fs::create_dir(place.path("links")).expect("creates");
+    std::os::unix::fs::symlink("../ward/map.pgm", place.path("links/heat.parquet")).expect("links");
+    let said = place.refused(2, &["annotate", "ward/map.yaml", "--model", model, "--out", "links"]);
+    assert!(said.contains("would overwrite its source `ward/map.pgm`"), "{said}");
+}
+
+#[test]
+fn settings_that_fit_no_map_of_a_group_are_refused() {
+    let place = Place::empty();
+    place.write("a.yaml", ros("a.pgm", "", ""));
+    place.write("a.pgm", room(20));
+    place.write("plan.pgm", room(20));
+    let with = |files: &str| {
+        place.write(
+            "p.yaml",
+            format!("maps: {{ train: {{ files: {files} }} }}\nstages:\n  walks: {{ use: simulate, map: $maps }}\n"),
+        );
+    };
+    with("{ paths: a.yaml, image_resolution: 0.1 }");
+    let said = place.refused(2, &["check", "p.yaml"]);
+    assert!(said.contains("`image_resolution` does not fit a map of ROS") && said.contains("leave it out"), "{said}");
+    // For one of two it has a meaning, and the key of the other does not know it.
+    let key = |files: &str| {
+        with(files);
+        place.out(&["check", "p.yaml"]);
+        let planned = place.out(&["plan", "p.yaml", "--json"]);
+        let lines = planned.lines().map(|line| serde_json::from_str::<serde_json::Value>(line).expect("is JSON"));
+        let nodes: Vec<_> = lines.filter(|line| line.to_string().contains("maps/a")).collect();
+        nodes.first().map(ToString::to_string)
+    };
+    let alone = key("[a.yaml]");
+    assert!(alone.is_some());
+    assert_eq!(alone, key("{ paths: [a.yaml, plan.pgm], image_resolution: 0.1 }"));
+}
+
+#[test]
+fn files_whose_names_look_like_patterns_are_found() {
+    let place = Place::empty();
+    place.write("floor[1]/a.yaml", ros("a.pgm", "", ""));
+    place.write("floor[1]/a.pgm", room(20));
+    place.write("floor[1]/plan[2].pgm", room(20));
+    for files in ["\"a*.yaml\"", "\"a.yaml\"", "{ paths: \"plan[2].pgm\", image_resolution: 0.1 }"] {
+        let text =
+            format!("maps: {{ train: {{ files: {files} }} }}\nstages:\n  walks: {{ use: simulate, map: $maps }}\n");
+        place.write("floor[1]/p.yaml", text);
+        place.out(&["check", "floor[1]/p.yaml"]);
+    }
+    let long = format!("{}.yaml", "a".repeat(230));
+    place.write(&long, ros("floor[1]/a.pgm", "", ""));
+    place.write(
+        "p.yaml",
+        format!("maps: {{ train: {{ files: {long} }} }}\nstages:\n  walks: {{ use: simulate, map: $maps }}\n"),
+    );
+    let said = place.refused(2, &["check", "p.yaml"]);
+    assert!(said.contains("it is longer than 200 bytes"), "{said}");
+}
+
+#[test]
+fn images_that_are_no_files() {
+    for (image, says) in [("/dev/zero", "a device"), (".", "a folder"), ("pipe", "a pipe")] {
+        let place = with_map(&ros(image, "", ""), "flat.pgm", b"P5 1 1 255\n\0");
+        if image == "pipe" {
+            let made = std::process::Command::new("mkfifo").arg(place.path("maps/pipe")).status().expect("starts");
+            assert!(made.success());
+        }
+        let said = place.refused(2, &["check", "flat.yaml"]);
+        assert!(said.contains(&format!("it is {says}")) && said.contains("maps/flat.yaml"), "{said}");
+    }
+}
+
+#[test]
+fn paths_of_images_that_are_not_looked_up() {
+    let faults = [
+        ("~/flat.pgm", "`~` is not expanded"),
+        ("package://world/maps/flat.pgm", "a URL is not looked up"),
+        ("$(find world)/maps/flat.pgm", "substitutions of launch files"),
+        ("$HOME/flat.pgm", "substitutions of launch files"),
+        ("C:\\maps\\flat.pgm", "write `/` instead"),
+        ("flat.png", "the path starts at the folder of the YAML"),
+    ];
+    for (image, says) in faults {
+        let place = with_map(&ros(image, "", ""), "flat.pgm", &room(20));
+        let said = place.refused(2, &["check", "flat.yaml"]);
+        let remedy = "write `image: flat.pgm`, which lies beside the YAML";
+        assert!(
+            said.contains("maps/flat.yaml: `image` names") && said.contains(says) && said.contains(remedy),
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn scenes_in_a_glob_are_named_after_their_folders() {
+    let place = Place::empty();
+    let scene = png_of(400, |x, y| (10..390).contains(&x) && (10..390).contains(&y));
+    place.write("scenes/Rs_int/floor_trav_0.png", &scene);
+    place.write("scenes/Scene_0_int/layout/floor_trav_0.png", &scene);
+    place.write("scenes/Upper_int/layout/floor_trav_1.png", &scene);
+    place.write("scenes/README.md", "scenes");
+    let pipeline = "maps: { train: { igibson: \"scenes/*\" } }\nstages:\n  walks: { use: simulate, map: $maps }\n";
+    place.write("p.yaml", pipeline);
+    let plan = place.out(&["plan", "p.yaml"]);
+    for name in ["maps/Rs_int", "maps/Scene_0_int", "maps/Upper_int"] {
+        assert!(plan.contains(name), "{plan}");
+    }
+    assert!(!plan.contains("README"), "{plan}");
+}
+
+/// A gray PNG, white where asked.
+fn png_of(size: u32, white: impl Fn(u32, u32) -> bool) -> Vec<u8> {
+    let image = image::GrayImage::from_fn(size, size, |x, y| image::Luma([255 * u8::from(white(x, y))]));
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    image.write_to(&mut bytes, image::ImageFormat::Png).expect("encodes");
+    bytes.into_inner()
 }

@@ -155,7 +155,7 @@ fn output_changes_only_with_a_version() {
     bench.check("navigate", robot, Part::Whole, &[("map", &map)]);
     bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &heat)]);
     let expected = [
-        "import-map 1 b7ebf1a695f0f910",
+        "import-map 2 b7ebf1a695f0f910",
         "generate-map 1 80f54047a065fb99",
         "generate-map 1 989c93a8be7cbef2",
         "simulate 2 d92fe9d3736d0b78",

@@ -1,194 +1,143 @@
 //! `import-map`: the maps of others, from the bytes of their files.
 //!
-//! What stands in a file is first classified pixel by pixel, then resampled, and the largest region of it is kept.
+//! What stands in a file is first classified pixel by pixel, then resampled, and the regions that are wanted are kept.
 
-use image::ImageError;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-
-use super::picture::{MOST_PIXELS, Pixel, Shade, classify, flipped};
-use super::resample::{largest_region, resample};
+use super::config::{ImportConfig, MapForm};
+use super::error::MapImportError;
+use super::indoors::{Survey, choose};
+use super::occupancy::{MapError, OccupancyMap};
+use super::picture::{Picture, Pixel, Shade, flipped};
+use super::resample::resample;
 use super::ros::MapYaml;
-use super::{MapError, OccupancyMap};
 use crate::domain::geometry::{Frame, Grid, Point};
 
-/// The name of the picture of traversable space in an iGibson scene's folder.
-pub const IGIBSON_IMAGE: &str = "floor_trav_0.png";
-
-/// The edge of a pixel of [`IGIBSON_IMAGE`] in meters.
+/// The edge of a pixel of an [iGibson picture](igibson_image) in meters.
 pub const IGIBSON_RESOLUTION: f64 = 0.01;
 
-/// How maps are read.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(default, deny_unknown_fields)]
-pub struct ImportConfig {
-    /// Edge of a cell of the result in meters, 0.01 to 1.
-    #[schemars(range(min = 0.01, max = 1.0))]
-    pub resolution: f64,
-    /// Edge of a pixel in meters of a plain image, which says nothing about its scale itself, 0.001 to 10.
-    #[schemars(range(min = 0.001, max = 10.0))]
-    pub image_resolution: Option<f64>,
-    /// Brightness from which on a pixel of a plain image is free, as a share of white, 0 to 1.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub threshold: f64,
-    /// Occupancy above which a pixel is occupied, instead of the one in a map's YAML, 0 to 1.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub occupied_thresh: Option<f64>,
-    /// Occupancy below which a pixel is free, instead of the one in a map's YAML, 0 to 1.
-    #[schemars(range(min = 0.0, max = 1.0))]
-    pub free_thresh: Option<f64>,
-    /// Whether black is free and white occupied, instead of what a map's YAML says; plain images take it too.
-    pub negate: Option<bool>,
+/// A map that was read, and what became of its free floor.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Imported {
+    pub map: OccupancyMap,
+    pub survey: Survey,
 }
 
-impl Default for ImportConfig {
-    fn default() -> Self {
-        Self {
-            resolution: 0.1,
-            image_resolution: None,
-            threshold: 0.5,
-            occupied_thresh: None,
-            free_thresh: None,
-            negate: None,
-        }
-    }
+/// Returns the name of the picture of the space on a floor that can be walked on, in an iGibson scene's folder or in the
+/// folder `layout` of that.
+#[must_use]
+pub fn igibson_image(floor: u32) -> String {
+    format!("floor_trav_{floor}.png")
 }
 
-impl ImportConfig {
-    /// Checks every number against its range.
-    ///
-    /// # Errors
-    /// [`MapImportError::Parameter`] names the first field that is out of range.
-    pub fn check(&self) -> Result<(), MapImportError> {
-        let within = |field, value: f64, low: f64, high: f64| {
-            if value >= low && value <= high {
-                Ok(())
-            } else {
-                Err(MapImportError::Parameter { field, value, low, high })
-            }
-        };
-        within("resolution", self.resolution, 0.01, 1.0)?;
-        within("image_resolution", self.image_resolution.unwrap_or(1.0), 0.001, 10.0)?;
-        within("threshold", self.threshold, 0.0, 1.0)?;
-        within("occupied_thresh", self.occupied_thresh.unwrap_or(0.0), 0.0, 1.0)?;
-        within("free_thresh", self.free_thresh.unwrap_or(0.0), 0.0, 1.0)?;
-        match (self.occupied_thresh, self.free_thresh) {
-            (Some(occupied), Some(free)) if occupied < free => {
-                Err(MapImportError::Thresholds { occupied, free, at: None })
-            }
-            _ => Ok(()),
-        }
-    }
-}
-
-/// A place in a text, both counted from 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Position {
-    /// Line.
-    pub line: u64,
-    /// Column in characters.
-    pub column: u64,
-}
-
-/// What keeps a map from being read.
-#[derive(Debug, thiserror::Error)]
-pub enum MapImportError {
-    #[error("the YAML of the map is not understood: {message}{}", place(at))]
-    Yaml { message: String, at: Option<Position> },
-    #[error("`{field}` must be {expected}, not `{found}`{}", place(at))]
-    Field { field: &'static str, expected: &'static str, found: String, at: Option<Position> },
-    #[error("`occupied_thresh` ({occupied}) is below `free_thresh` ({free}): a pixel could be both{}", place(at))]
-    Thresholds { occupied: f64, free: f64, at: Option<Position> },
-    #[error("`{field}` is {value}, but must lie from {low} to {high}")]
-    Parameter { field: &'static str, value: f64, low: f64, high: f64 },
-    #[error("a plain image needs `image_resolution`, the edge of its pixels in meters")]
-    ImageResolution,
-    #[error("the image is none of PGM, PNG, JPEG, BMP and TIFF")]
-    ImageFormat,
-    #[error("the image is cut short")]
-    ImageCutShort,
-    #[error("the image cannot be decoded")]
-    Image { source: ImageError },
-    #[error("{width} × {height} are too many pixels: at most {MOST_PIXELS} are read")]
-    TooManyPixels { width: u64, height: u64 },
-    #[error(transparent)]
-    Map(#[from] MapError),
-}
-
-impl MapImportError {
-    /// Returns the place in the YAML that is to blame, where there is one.
-    #[must_use]
-    pub const fn position(&self) -> Option<Position> {
-        match self {
-            Self::Yaml { at, .. } | Self::Field { at, .. } | Self::Thresholds { at, .. } => *at,
-            _ => None,
-        }
-    }
-}
-
-fn place(at: &Option<Position>) -> String {
-    at.map_or_else(String::new, |at| format!(" (line {}, column {})", at.line, at.column))
+/// Returns the floor whose [picture](igibson_image) has this name, if any has.
+#[must_use]
+pub fn igibson_floor(name: &str) -> Option<u32> {
+    let number = name.strip_prefix("floor_trav_")?.strip_suffix(".png")?;
+    number.parse().ok().filter(|floor| igibson_image(*floor) == name)
 }
 
 /// Reads a map of ROS `map_server` from its parsed YAML and the bytes of the image that the YAML names.
 ///
 /// # Errors
-/// [`MapImportError`] if a parameter is out of range, the image is damaged or too large, or nothing is free.
-pub fn import_ros(yaml: &MapYaml, image: &[u8], config: &ImportConfig) -> Result<OccupancyMap, MapImportError> {
+/// [`MapImportError`] if a parameter is out of range, the image is damaged or too large, or hardly anything is free.
+pub fn import_ros(yaml: &MapYaml, image: &[u8], config: &ImportConfig) -> Result<Imported, MapImportError> {
     config.check()?;
     let yaml = yaml.overridden(config)?;
-    let pixels = classify(image, |shade| yaml.pixel(shade))?;
+    let picture = Picture::decode(image)?;
+    let pixels = picture.classify(|shade| yaml.pixel(shade));
     let origin = Point::new(yaml.origin[0], yaml.origin[1]);
-    finish(&pixels, yaml.resolution, config, |frame| Frame { origin, yaw: yaml.origin[2], ..frame })
+    let frame = |frame| Frame { origin, yaw: yaml.origin[2], ..frame };
+    finish(&pixels, yaml.resolution, MapForm::Ros, config, frame).map_err(|error| explained(error, &picture))
 }
 
-/// Reads a plain image: bright is free, dark is occupied, transparent and the gray value 205 are unknown.
+/// Reads a plain image: bright is free, dark is occupied, transparent is unknown.
 ///
-/// Its lower left corner becomes the origin.
+/// Where hardly anything else is bright, transparent is white paper: many drawings are black lines on nothing. The gray
+/// value 205 means nothing here. The lower left corner becomes the origin.
 ///
 /// # Errors
 /// [`MapImportError`] if `image_resolution` is missing, a parameter is out of range, the image is damaged or too large,
-/// or nothing is free.
-pub fn import_image(image: &[u8], config: &ImportConfig) -> Result<OccupancyMap, MapImportError> {
+/// or hardly anything is free.
+pub fn import_image(image: &[u8], config: &ImportConfig) -> Result<Imported, MapImportError> {
     config.check()?;
     let resolution = config.image_resolution.ok_or(MapImportError::ImageResolution)?;
-    let pixels = classify(image, |shade| plain_pixel(shade, config))?;
-    finish(&pixels, resolution, config, |frame| frame)
+    let picture = Picture::decode(image)?;
+    let mut pixels = picture.classify(|shade| plain_pixel(shade, config));
+    let paper = config.negate != Some(true) && is_drawn_on_nothing(&picture, &pixels);
+    if paper {
+        pixels = picture.classify(|shade| plain_pixel(on_paper(shade), config));
+    }
+    let imported = finish(&pixels, resolution, MapForm::Image, config, |frame| frame);
+    let imported = imported.map_err(|error| explained(error, &picture))?;
+    Ok(Imported { survey: Survey { paper, ..imported.survey }, ..imported })
 }
 
-/// Reads the picture [`IGIBSON_IMAGE`] of an iGibson scene's folder: white is traversable, all else is not.
+/// Reads a picture [`igibson_image`] of an iGibson scene: white can be walked on, all else cannot.
 ///
 /// In iGibson the world's origin is the middle of the picture and y grows with its rows. So that coordinates are the
 /// simulator's, the picture is turned upside down: its last row becomes row 0, the one with the largest y.
 ///
 /// # Errors
-/// [`MapImportError`] if a parameter is out of range, the image is damaged or too large, or nothing is free.
-pub fn import_igibson(image: &[u8], config: &ImportConfig) -> Result<OccupancyMap, MapImportError> {
+/// [`MapImportError`] if a parameter is out of range, the image is damaged or too large, or hardly anything is free.
+pub fn import_igibson(image: &[u8], config: &ImportConfig) -> Result<Imported, MapImportError> {
     config.check()?;
-    let pixels = classify(image, |shade| if shade.gray == 255.0 { Pixel::Free } else { Pixel::Occupied })?;
-    finish(&flipped(&pixels), IGIBSON_RESOLUTION, config, |frame| Frame {
+    let white = |shade: Shade| if shade.gray == u8::MAX { Pixel::Free } else { Pixel::Occupied };
+    let pixels = flipped(&Picture::decode(image)?.classify(white));
+    finish(&pixels, IGIBSON_RESOLUTION, MapForm::Igibson, config, |frame| Frame {
         origin: Point::new(-0.5 * frame.cols as f64 * frame.resolution, -0.5 * frame.rows as f64 * frame.resolution),
         ..frame
     })
 }
 
 fn plain_pixel(shade: Shade, config: &ImportConfig) -> Pixel {
-    if shade.is_unknown() || shade.alpha.is_some_and(|alpha| alpha < 127.5) {
+    if is_transparent(shade) {
         return Pixel::Unknown;
     }
-    let gray = if config.negate == Some(true) { 255.0 - shade.gray } else { shade.gray };
-    if gray >= config.threshold * 255.0 { Pixel::Free } else { Pixel::Occupied }
+    let gray = if config.negate == Some(true) { u8::MAX - shade.gray } else { shade.gray };
+    let threshold = config.threshold.unwrap_or(ImportConfig::THRESHOLD);
+    if f64::from(gray) >= threshold * 255.0 { Pixel::Free } else { Pixel::Occupied }
+}
+
+const fn is_transparent(shade: Shade) -> bool {
+    shade.alpha < 128
+}
+
+/// Tells whether less than a hundredth as many pixels are free as are transparent.
+fn is_drawn_on_nothing(picture: &Picture, pixels: &Grid<Pixel>) -> bool {
+    let free = pixels.as_slice().iter().filter(|pixel| **pixel == Pixel::Free).count();
+    100 * free < transparent(picture, is_transparent)
+}
+
+fn transparent(picture: &Picture, counts: impl Fn(Shade) -> bool) -> usize {
+    let marked = picture.classify(|shade| if counts(shade) { Pixel::Unknown } else { Pixel::Occupied });
+    marked.as_slice().iter().filter(|pixel| **pixel == Pixel::Unknown).count()
+}
+
+/// Lays a pixel on white paper.
+fn on_paper(shade: Shade) -> Shade {
+    let (gray, alpha) = (u32::from(shade.gray), u32::from(shade.alpha));
+    Shade { gray: ((gray * alpha + 255 * (255 - alpha) + 127) / 255) as u8, alpha: u8::MAX, ..shade }
+}
+
+/// Says that nothing is free because of what is transparent, where that is so.
+fn explained(error: MapImportError, picture: &Picture) -> MapImportError {
+    if !matches!(error, MapImportError::Map(MapError::NoFreeSpace)) {
+        return error;
+    }
+    let percent = 100.0 * transparent(picture, |shade| shade.alpha < u8::MAX) as f64 / picture.len() as f64;
+    if percent >= 10.0 { MapImportError::Transparent { percent } } else { error }
 }
 
 fn finish(
     pixels: &Grid<Pixel>,
     resolution: f64,
+    form: MapForm,
     config: &ImportConfig,
     place: impl FnOnce(Frame) -> Frame,
-) -> Result<OccupancyMap, MapImportError> {
+) -> Result<Imported, MapImportError> {
     let frame = place(Frame::at_zero(resolution, pixels.rows(), pixels.cols()));
     let (free, frame) = resample(pixels, &frame, config.resolution)?;
-    Ok(largest_region(&free, &frame)?)
+    let (map, survey) = choose(&free, &frame, form, config.region)?;
+    Ok(Imported { map, survey })
 }
 
 #[cfg(test)]
@@ -210,37 +159,142 @@ mod tests {
     }
 
     fn plain() -> ImportConfig {
-        ImportConfig { image_resolution: Some(0.1), ..ImportConfig::default() }
+        // Cells of a square meter each, so that one alone is a map.
+        ImportConfig { image_resolution: Some(1.0), resolution: 1.0, ..ImportConfig::default() }
+    }
+
+    /// Rows of gray values with a black wall around them.
+    fn walled(rows: &[&[u8]]) -> Vec<u8> {
+        let wall = vec![0; rows[0].len() + 2];
+        let inner = rows.iter().map(|row| [&[0], *row, &[0]].concat());
+        let all: Vec<Vec<u8>> = std::iter::once(wall.clone()).chain(inner).chain([wall]).collect();
+        pgm(&all.iter().map(Vec::as_slice).collect::<Vec<_>>())
     }
 
     #[test]
     fn a_plain_image_is_split_at_its_threshold() {
-        let image = pgm(&[&[255, 128, 127, 205, 0]]);
-        let map = import_image(&image, &plain()).expect("a map");
-        assert_eq!(drawn(&map), ["####", "#..#", "####"]);
-        let dark = ImportConfig { threshold: 0.4, ..plain() };
-        assert_eq!(drawn(&import_image(&image, &dark).expect("a map")), ["#####", "#...#", "#####"]);
-        let negated = ImportConfig { negate: Some(true), ..plain() };
-        assert_eq!(drawn(&import_image(&image, &negated).expect("a map"))[1], "#.#");
+        let image = walled(&[&[255, 128, 127, 205, 0]]);
+        let import = |config: &ImportConfig| drawn(&import_image(&image, config).expect("a map").map);
+        assert_eq!(import(&plain()), ["####", "#..#", "####"]);
+        let dark = ImportConfig { threshold: Some(0.4), ..plain() };
+        // 205 means nothing in a plain image.
+        assert_eq!(import(&dark), ["######", "#....#", "######"]);
+        let negated = ImportConfig { negate: Some(true), region: super::super::Region::All, ..plain() };
+        assert_eq!(import(&negated)[2], "#.##.#..#");
+    }
+
+    fn ros(more: &str) -> MapYaml {
+        let yaml = format!("image: m.pgm\nresolution: 1\norigin: [-3, 7, 0.5]\n{more}");
+        MapYaml::parse(&yaml).expect("a map's description")
+    }
+
+    fn coarse() -> ImportConfig {
+        ImportConfig { resolution: 1.0, ..ImportConfig::default() }
     }
 
     #[test]
     fn a_ros_map_keeps_its_origin() {
-        let yaml = "image: m.pgm\nresolution: 0.05\norigin: [-3, 7, 0.5]\noccupied_thresh: 0.65\nfree_thresh: 0.25";
-        let yaml = MapYaml::parse(yaml).expect("a map's description");
-        // Two cells of 0.1 m, each of 2 × 2 pixels; the upper one is unknown, which a threshold of 0.25 would call free.
+        let yaml = ros("occupied_thresh: 0.65\nfree_thresh: 0.25").clone();
+        let yaml = MapYaml { resolution: 0.5, ..yaml };
+        // Two cells, each of 2 × 2 pixels; the upper one is unknown, which a threshold of 0.25 would call free.
         let image = pgm(&[&[205, 205], &[205, 205], &[254, 205], &[254, 254]]);
-        let map = import_ros(&yaml, &image, &ImportConfig::default()).expect("a map");
+        let map = import_ros(&yaml, &image, &coarse()).expect("a map").map;
         assert_eq!(drawn(&map), ["###", "#.#", "###"]);
         let frame = map.frame();
-        let corner = frame.to_map(Point::new(0.1, 0.1));
+        let corner = frame.to_map(Point::new(1.0, 1.0));
         assert!(corner.distance(Point::new(-3.0, 7.0)) < 1e-12 && frame.yaw == 0.5, "{corner:?}");
     }
 
     #[test]
+    fn a_resolution_in_float32_gives_the_same_cells() {
+        let rows: Vec<Vec<u8>> = (0..200)
+            .map(|row: usize| {
+                let wall = |col| (row % 50 == 0 || col % 50 == 0) && (row + col) % 50 > 20;
+                (0..700usize).map(|col| 254 * u8::from(!wall(col))).collect()
+            })
+            .collect();
+        let image = pgm(&rows.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        let thresholds = ros("occupied_thresh: 0.65\nfree_thresh: 0.25");
+        for resolution in [0.1, 0.05, 0.025, 0.03, 0.07, 0.02] {
+            let import = |resolution| {
+                let yaml = MapYaml { resolution, ..thresholds.clone() };
+                import_ros(&yaml, &image, &ImportConfig::default()).expect("a map")
+            };
+            assert_eq!(import(f64::from(resolution as f32)), import(resolution), "{resolution}");
+        }
+    }
+
+    #[test]
+    fn what_is_left_out_is_told() {
+        let two = walled(&[&[255, 255, 0, 255], &[255, 255, 0, 255]]);
+        let survey = |region| {
+            let config = ImportConfig { region, ..plain() };
+            import_image(&two, &config).expect("a map").survey
+        };
+        use super::super::Region::{All, At, Largest};
+        let kept = survey(Largest);
+        assert_eq!((kept.kept, kept.indoors, kept.regions, kept.is_odd()), (4.0, 6.0, 2, true));
+        assert_eq!(kept.to_string(), "kept 4.0 of 6.0 m² of free floor (66.6 %), the largest of 2 regions");
+        assert_eq!(survey(All).to_string(), "kept 6.0 of 6.0 m² of free floor (100.0 %)");
+        assert_eq!(survey(At(4.5, 1.2)).kept, 2.0);
+        let config = ImportConfig { region: At(40.0, 1.0), ..plain() };
+        let error = import_image(&two, &config).expect_err("outside");
+        assert_eq!(error.to_string(), "there is no free floor at 40, 1: the map reaches from 0, 0 to 6, 4");
+    }
+
+    #[test]
+    fn a_map_of_less_than_a_square_meter_is_refused() {
+        let row = [255u8; 9];
+        let config = ImportConfig { image_resolution: Some(0.1), ..ImportConfig::default() };
+        let error = import_image(&walled(&[&row[..]; 11]), &config).expect_err("0.99 m²");
+        assert!(matches!(error, MapImportError::TooSmall { area } if (area - 0.99).abs() < 1e-9), "{error}");
+        import_image(&walled(&[&[255u8; 10][..]; 10]), &config).expect("1 m²");
+    }
+
+    /// A PNG of gray and opacity.
+    fn transparent_png(pixel: impl Fn(u32, u32) -> [u8; 2]) -> Vec<u8> {
+        let image = image::GrayAlphaImage::from_fn(20, 20, |x, y| image::LumaA(pixel(x, y)));
+        let mut bytes = std::io::Cursor::new(Vec::new());
+        image.write_to(&mut bytes, image::ImageFormat::Png).expect("encodes");
+        bytes.into_inner()
+    }
+
+    /// The walls of a room from 4 to 15.
+    fn is_wall(x: u32, y: u32) -> bool {
+        let within = |at| (4..=15).contains(&at);
+        within(x) && within(y) && !((5..=14).contains(&x) && (5..=14).contains(&y))
+    }
+
+    #[test]
+    fn a_drawing_on_nothing_lies_on_white_paper() {
+        let lines = transparent_png(|x, y| if is_wall(x, y) { [0, 255] } else { [0, 0] });
+        let imported = import_image(&lines, &plain()).expect("a map");
+        assert_eq!((imported.survey.kept, imported.survey.outdoors, imported.survey.paper), (100.0, 256.0, true));
+        // With rooms that are painted white, what is transparent is unknown.
+        let inside = |x, y| (5..=14).contains(&x) && (5..=14).contains(&y);
+        let painted = transparent_png(|x, y| {
+            if inside(x, y) {
+                [255, 255]
+            } else {
+                [255 * u8::from(!is_wall(x, y)), if is_wall(x, y) { 255 } else { 0 }]
+            }
+        });
+        let imported = import_image(&painted, &plain()).expect("a map");
+        assert_eq!((imported.survey.kept, imported.survey.outdoors, imported.survey.paper), (100.0, 0.0, false));
+    }
+
+    #[test]
+    fn a_transparent_map_of_ros_says_so() {
+        let lines = transparent_png(|x, y| if is_wall(x, y) { [0, 255] } else { [255, 0] });
+        let yaml = ros("occupied_thresh: 0.65\nfree_thresh: 0.25");
+        let error = import_ros(&yaml, &lines, &coarse()).expect_err("nothing is free");
+        assert!(error.to_string().contains("89 % of its pixels are transparent"), "{error}");
+    }
+
+    #[test]
     fn a_comment_in_the_header_changes_nothing() {
-        let image = pgm(&[&[255, 0, 255, 255]]);
-        let commented = [b"P5\n# saved again\n4 1\n255\n".as_slice(), &image[image.len() - 4..]].concat();
+        let image = walled(&[&[255, 0, 255, 255]]);
+        let commented = [b"P5\n6#saved\n3 255\n".as_slice(), &image[image.len() - 18..]].concat();
         let import = |bytes: &[u8]| import_image(bytes, &plain()).expect("a map");
         assert_eq!(import(&image), import(&commented));
     }
@@ -253,35 +307,32 @@ mod tests {
 
     #[test]
     fn a_map_without_free_space_is_an_error() {
-        let error = import_image(&pgm(&[&[0, 205]]), &plain()).expect_err("all is blocked");
+        let error = import_image(&pgm(&[&[0, 100]]), &plain()).expect_err("all is blocked");
         assert!(matches!(error, MapImportError::Map(MapError::NoFreeSpace)), "{error}");
     }
 
     #[test]
     fn igibson_lies_around_the_middle_with_y_along_the_rows() {
-        // 40 × 40 pixels of 0.01 m; free is the upper left quarter, that is, negative x and negative y.
+        // 400 × 400 pixels of 0.01 m; free is the upper left quarter, that is, negative x and negative y.
         let rows: Vec<Vec<u8>> =
-            (0..40).map(|row| (0..40).map(|col| if row < 20 && col < 20 { 255 } else { 254 }).collect()).collect();
+            (0..400).map(|row| (0..400).map(|col| if row < 200 && col < 200 { 255 } else { 254 }).collect()).collect();
         let rows: Vec<&[u8]> = rows.iter().map(Vec::as_slice).collect();
-        let map = import_igibson(&pgm(&rows), &ImportConfig::default()).expect("a map");
+        let map = import_igibson(&pgm(&rows), &coarse()).expect("a map").map;
         assert_eq!(drawn(&map), ["####", "#..#", "#..#", "####"]);
         let center = map.frame().to_map(map.frame().center(Cell::new(1, 1)));
-        assert!((center.x - -0.15).abs() < 1e-12 && (center.y - -0.05).abs() < 1e-12, "{center:?}");
+        assert!((center.x - -1.5).abs() < 1e-12 && (center.y - -0.5).abs() < 1e-12, "{center:?}");
     }
 
     #[test]
-    fn parameters_out_of_range_are_named() {
-        let check = |config: ImportConfig, field: &str| {
-            let error = config.check().expect_err(field).to_string();
-            assert!(error.contains(&format!("`{field}`")), "{error}");
-        };
-        check(ImportConfig { resolution: f64::NAN, ..plain() }, "resolution");
-        check(ImportConfig { resolution: 0.0, ..plain() }, "resolution");
-        check(ImportConfig { image_resolution: Some(-1.0), ..plain() }, "image_resolution");
-        check(ImportConfig { threshold: 1.5, ..plain() }, "threshold");
-        check(ImportConfig { free_thresh: Some(f64::INFINITY), ..plain() }, "free_thresh");
-        check(ImportConfig { free_thresh: Some(0.5), occupied_thresh: Some(0.4), ..plain() }, "occupied_thresh");
-        ImportConfig::default().check().expect("the defaults are in range");
+    fn the_picture_of_a_floor_is_known_by_its_name() {
+        for floor in [0, 1, 12] {
+            assert_eq!(igibson_floor(&igibson_image(floor)), Some(floor));
+        }
+        for other in
+            ["floor_trav_no_obj_0.png", "floor_trav_01.png", "floor_trav_.png", "floor_0.png", "floor_trav_0.pgm"]
+        {
+            assert_eq!(igibson_floor(other), None, "{other}");
+        }
     }
 
     #[test]

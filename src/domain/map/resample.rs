@@ -1,18 +1,18 @@
-//! Pixels into cells of another size, by position; the largest region of them; cropped.
+//! Pixels into cells of another size, by position.
 
+use super::error::MapImportError;
 use super::picture::{MOST_PIXELS, Pixel};
-use super::{MapError, MapImportError, OccupancyMap, regions};
-use crate::domain::geometry::{Cell, Frame, Grid, Point};
-
-/// Lengths closer than this share of a pixel are taken as equal.
-const HAIR: f64 = 1e-6;
+use super::ratio::Ratio;
+use super::separation::{Count, Spans, separate};
+use crate::domain::geometry::{Cell, Frame, Grid};
 
 /// Computes the free cells of `resolution` meters from an image of smaller, equal or larger pixels.
 ///
 /// Both grids share the lower left corner. A cell is blocked if any occupied pixel falls into it and free if at least
 /// half of its pixels are free; unknown pixels are not free. A pixel falls into the cell that holds its center, since
-/// widths such as 0.03 m do not divide 0.1 m. Where pixels are *larger* than cells, the overlap of their areas decides
-/// instead: any overlap with an occupied pixel blocks, and at least half of the cell's area within the image must be free.
+/// widths such as 0.03 m do not divide 0.1 m. Lines of unknown pixels too thin to fill half a cell still [separate] what
+/// lies at their sides. Where pixels are *larger* than cells, the overlap of their areas decides instead: any overlap with
+/// an occupied pixel blocks, and at least half of the cell's area within the image must be free.
 ///
 /// # Errors
 /// [`MapImportError::TooManyPixels`] if the grid would have more than [`MOST_PIXELS`] cells.
@@ -21,14 +21,14 @@ pub(super) fn resample(
     frame: &Frame,
     resolution: f64,
 ) -> Result<(Grid<bool>, Frame), MapImportError> {
-    let ratio = frame.resolution / resolution;
-    let cells = |pixels: usize| (pixels as f64 * ratio - HAIR).ceil().max(1.0);
-    let (rows, cols) = (cells(pixels.rows()), cells(pixels.cols()));
-    if rows * cols > MOST_PIXELS as f64 {
-        return Err(MapImportError::TooManyPixels { width: cols as u64, height: rows as u64 });
+    let ratio = Ratio::of(frame.resolution, resolution);
+    let (rows, cols) = (ratio.cells(pixels.rows()), ratio.cells(pixels.cols()));
+    if rows.saturating_mul(cols) > MOST_PIXELS {
+        return Err(MapImportError::TooManyPixels { width: cols, height: rows, most: MOST_PIXELS });
     }
     let target = Frame { resolution, rows: rows as usize, cols: cols as usize, ..*frame };
-    let free = if ratio <= 1.0 { by_center(pixels, ratio, &target) } else { by_area(pixels, ratio, &target) };
+    let free =
+        if ratio.cells <= ratio.pixels { by_center(pixels, ratio, &target) } else { by_area(pixels, ratio, &target) };
     Ok((free, target))
 }
 
@@ -40,87 +40,74 @@ pub fn refined(free: &Grid<bool>, frame: &Frame, resolution: f64) -> (Grid<bool>
 }
 
 /// Sorts small pixels into cells by their centers.
-fn by_center(pixels: &Grid<Pixel>, ratio: f64, target: &Frame) -> Grid<bool> {
-    #[derive(Clone, Copy, Default)]
-    struct Count {
-        pixels: u32,
-        free: u32,
-        occupied: bool,
-    }
-    let index = |pixel: usize, cells: usize| (((pixel as f64 + 0.5) * ratio) as usize).min(cells - 1);
+fn by_center(pixels: &Grid<Pixel>, ratio: Ratio, target: &Frame) -> Grid<bool> {
+    let index = |pixel: usize, cells: usize| ratio.cell_of(pixel).min(cells - 1);
     let cols: Vec<usize> = (0..pixels.cols()).map(|col| index(col, target.cols)).collect();
+    // Rows count from the top, positions from the bottom.
+    let above = |row: usize| target.rows - 1 - index(pixels.rows() - 1 - row, target.rows);
+    let rows: Vec<usize> = (0..pixels.rows()).map(above).collect();
     let mut counts = Grid::filled(target.rows, target.cols, Count::default());
-    for row in 0..pixels.rows() {
-        // Rows count from the top, positions from the bottom.
-        let cell_row = target.rows - 1 - index(pixels.rows() - 1 - row, target.rows);
+    for (row, cell_row) in rows.iter().enumerate() {
         for (pixel, col) in pixels.row(row).iter().zip(&cols) {
-            let count = &mut counts[Cell::new(cell_row, *col)];
-            count.pixels += 1;
+            let count = &mut counts[Cell::new(*cell_row, *col)];
+            count.all += 1;
             count.free += u32::from(*pixel == Pixel::Free);
             count.occupied |= *pixel == Pixel::Occupied;
         }
     }
-    counts.map(|count| !count.occupied && count.pixels > 0 && 2 * count.free >= count.pixels)
+    let spans = Spans { rows: spans(&rows, target.rows), cols: spans(&cols, target.cols) };
+    separate(pixels, &counts, &spans, ratio.pixels_in_a_cell())
 }
 
-/// Weighs large pixels by the area that they share with a cell.
-fn by_area(pixels: &Grid<Pixel>, ratio: f64, target: &Frame) -> Grid<bool> {
-    // Each cell's pixels along one axis, counted from the bottom or left, with the share of the cell that each covers.
-    let shares = |cell: usize, count: usize| -> Vec<(usize, f64)> {
-        let (low, high) = (cell as f64 / ratio, (cell + 1) as f64 / ratio);
-        let (first, last) = ((low + HAIR) as usize, (high - HAIR) as usize);
-        (first..=last)
-            .filter(|pixel| *pixel < count)
-            .map(|pixel| (pixel, (high.min((pixel + 1) as f64) - low.max(pixel as f64)) * ratio))
+/// From which pixel to which each cell reaches along one axis; the end is excluded.
+fn spans(cell_of: &[usize], cells: usize) -> Vec<(usize, usize)> {
+    let mut spans = vec![(0, 0); cells];
+    for (pixel, cell) in cell_of.iter().enumerate() {
+        let first = if spans[*cell].1 == 0 { pixel } else { spans[*cell].0 };
+        spans[*cell] = (first, pixel + 1);
+    }
+    spans
+}
+
+/// Weighs large pixels by the area that they share with a cell, in parts of which `ratio.cells` make an edge of a pixel.
+fn by_area(pixels: &Grid<Pixel>, ratio: Ratio, target: &Frame) -> Grid<bool> {
+    // Each cell's pixels along one axis, counted from the bottom or left, with the length of the cell that each covers.
+    let lengths = |cell: usize, count: usize| -> Vec<(usize, u64)> {
+        let (low, high) = (cell as u64 * ratio.pixels, (cell as u64 + 1) * ratio.pixels);
+        (low / ratio.cells..=(high - 1) / ratio.cells)
+            .filter(|pixel| *pixel < count as u64)
+            .map(|pixel| (pixel as usize, high.min((pixel + 1) * ratio.cells) - low.max(pixel * ratio.cells)))
             .collect()
     };
-    let cols: Vec<_> = (0..target.cols).map(|col| shares(col, pixels.cols())).collect();
-    let rows: Vec<_> = (0..target.rows).map(|row| shares(target.rows - 1 - row, pixels.rows())).collect();
-    Grid::from_fn(target.rows, target.cols, |cell| {
-        let (mut free, mut covered) = (0.0, 0.0);
+    let cols: Vec<_> = (0..target.cols).map(|col| lengths(col, pixels.cols())).collect();
+    let above = |(row, length): (usize, u64)| (pixels.rows() - 1 - row, length);
+    let rows: Vec<Vec<_>> = (0..target.rows)
+        .map(|row| lengths(target.rows - 1 - row, pixels.rows()).into_iter().rev().map(above).collect())
+        .collect();
+    let counts = Grid::from_fn(target.rows, target.cols, |cell| {
+        let mut count = Count::default();
         for (row, height) in &rows[cell.row] {
             for (col, width) in &cols[cell.col] {
-                covered += height * width;
-                match pixels[Cell::new(pixels.rows() - 1 - row, *col)] {
-                    Pixel::Occupied => return false,
-                    Pixel::Free => free += height * width,
-                    Pixel::Unknown => {}
-                }
+                let (pixel, area) = (pixels[Cell::new(*row, *col)], (height * width) as u32);
+                count.all += area;
+                count.free += if pixel == Pixel::Free { area } else { 0 };
+                count.occupied |= pixel == Pixel::Occupied;
             }
         }
-        covered > 0.0 && free >= (0.5 - HAIR) * covered
-    })
-}
-
-/// Keeps the largest four-connected region of free cells, cut out with a margin of one blocked cell on each side.
-///
-/// The first in row-major order wins a tie. The origin moves with the cut, so no cell changes its place in the world.
-///
-/// # Errors
-/// [`MapError::NoFreeSpace`] if no cell is free.
-pub(super) fn largest_region(free: &Grid<bool>, frame: &Frame) -> Result<OccupancyMap, MapError> {
-    let (labels, sizes) = regions(free);
-    let most = sizes.iter().copied().max().ok_or(MapError::NoFreeSpace)?;
-    let label = 1 + sizes.iter().position(|size| *size == most).expect("the maximum is one of the sizes") as u32;
-    let (mut top, mut bottom, mut left, mut right) = (usize::MAX, 0, usize::MAX, 0);
-    for cell in labels.cells().filter(|cell| labels[*cell] == label) {
-        (top, bottom) = (top.min(cell.row), bottom.max(cell.row));
-        (left, right) = (left.min(cell.col), right.max(cell.col));
-    }
-    let cut = Grid::from_fn(bottom - top + 3, right - left + 3, |cell| {
-        let (row, col) = ((top + cell.row) as isize - 1, (left + cell.col) as isize - 1);
-        labels.get(row, col) == Some(&label)
+        count
     });
-    let corner = Point::new(
-        (left as f64 - 1.0) * frame.resolution,
-        (frame.rows as f64 - 2.0 - bottom as f64) * frame.resolution,
-    );
-    let frame = Frame { origin: frame.to_map(corner), rows: cut.rows(), cols: cut.cols(), ..*frame };
-    OccupancyMap::new(cut, frame)
+    let span = |lengths: &Vec<(usize, u64)>| lengths.first().map_or((0, 0), |first| (first.0, first.0 + lengths.len()));
+    separate(
+        pixels,
+        &counts,
+        &Spans { rows: rows.iter().map(span).collect(), cols: cols.iter().map(span).collect() },
+        0,
+    )
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::regions::regions;
     use super::*;
 
     fn pixels(rows: &[&str]) -> Grid<Pixel> {
@@ -146,7 +133,7 @@ mod tests {
     #[test]
     fn one_occupied_pixel_blocks_and_half_free_ones_free() {
         check(0.05, 0.1, &["..?.", "..??", "#.??", "..??"], &[".#", "##"]);
-        check(0.05, 0.1, &["..?.", "..?.", "...?", "..??"], &["..", ".#"]);
+        check(0.05, 0.1, &["...?", "...?", "...?", "..??"], &["..", ".#"]);
         check(0.1, 0.1, &[".?#", "..."], &[".##", "..."]);
     }
 
@@ -175,17 +162,39 @@ mod tests {
     }
 
     #[test]
-    fn the_largest_region_keeps_its_place_in_the_world() {
-        let free = Grid::from_fn(4, 7, |c| matches!((c.row, c.col), (0, 0) | (1..=2, 3..=5)));
-        for yaw in [0.0, 0.7] {
-            let frame = Frame { origin: Point::new(-3.0, 8.0), yaw, ..Frame::at_zero(0.1, 4, 7) };
-            let map = largest_region(&free, &frame).expect("free cells");
-            assert_eq!(drawn(map.free()), ["#####", "#...#", "#...#", "#####"]);
-            let before = frame.to_map(frame.center(Cell::new(1, 3)));
-            let after = map.frame().to_map(map.frame().center(Cell::new(1, 1)));
-            assert!(before.distance(after) < 1e-12, "{before:?} {after:?}");
+    fn an_unknown_line_separates_at_every_ratio() {
+        for (from, to) in [
+            (0.05, 0.1),
+            (0.03, 0.1),
+            (0.025, 0.1),
+            (0.02, 0.1),
+            (0.01, 0.1),
+            (0.07, 0.1),
+            (0.09, 0.1),
+            (0.1, 0.1),
+            (0.11, 0.1),
+            (0.15, 0.1),
+            (0.2, 0.1),
+        ] {
+            for width in [1, 2] {
+                for offset in 0..12 {
+                    for lean in [0, 1, 2] {
+                        // A line that stands upright, leans by half or goes along the diagonal.
+                        let start = |c: Cell| 30 + offset + c.row * lean / 2;
+                        let pixels = Grid::from_fn(40, 100, |c| {
+                            if (start(c)..start(c) + width).contains(&c.col) { Pixel::Unknown } else { Pixel::Free }
+                        });
+                        let (free, _) = resample(&pixels, &Frame::at_zero(from, 40, 100), to).expect("a small grid");
+                        let (_, sizes) = regions(&free);
+                        let large = sizes.iter().filter(|size| 10 * **size > free.len()).count();
+                        assert_eq!(large, 2, "{width} of {from} in {to}, offset {offset}, lean {lean}: {sizes:?}");
+                        // The line costs what a painted one would, at most.
+                        let painted = pixels.map(|pixel| if *pixel == Pixel::Free { *pixel } else { Pixel::Occupied });
+                        let (solid, _) = resample(&painted, &Frame::at_zero(from, 40, 100), to).expect("a small grid");
+                        assert!(solid.cells().all(|cell| free[cell] || !solid[cell]), "{width} of {from} in {to}");
+                    }
+                }
+            }
         }
-        let error = largest_region(&Grid::filled(2, 2, false), &Frame::at_zero(0.1, 2, 2));
-        assert_eq!(error, Err(MapError::NoFreeSpace));
     }
 }

@@ -1,24 +1,26 @@
 //! The YAML of a ROS `map_server` map, and what its pixels mean.
 //!
-//! After the documentation of `map_server` (ROS 1) and `nav2_map_server` (ROS 2).
+//! As `nav2_map_server` reads them (ROS 2), but for one thing: the gray value 205 is unknown whatever the thresholds say,
+//! because it is what `map_saver` writes for unknown space, and thresholds that call it free are a common mistake.
 
 use std::fmt;
 
 use serde::Deserialize;
-use serde::de::{Deserializer, Error as _, Visitor};
+use serde::de::{Deserializer, Visitor};
 use serde_saphyr::{Location, Spanned};
 
-use super::import::{ImportConfig, MapImportError, Position};
-use super::picture::{Pixel, Shade};
+use super::config::ImportConfig;
+use super::error::{MapImportError, Position};
+use super::picture::{Pixel, Shade, is_lfs_pointer};
 
 /// How gray values are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Mode {
     /// Occupied, free or unknown, by two thresholds.
     Trinary,
-    /// As [`Mode::Trinary`], with a gradient between the thresholds; transparent pixels are unknown.
+    /// As [`Mode::Trinary`], with a gradient of costs between the thresholds.
     Scale,
-    /// The gray value is the occupancy in percent, 101 to 255 are unknown.
+    /// The gray value is the occupancy in percent; 101 to 255 are unknown, and there is no negation or opacity.
     Raw,
 }
 
@@ -33,9 +35,9 @@ pub struct MapYaml {
     pub origin: [f64; 3],
     /// Whether black is free and white occupied.
     pub negate: bool,
-    /// Occupancy above which a pixel is occupied.
+    /// Occupancy from which on a pixel is occupied.
     pub occupied_thresh: f64,
-    /// Occupancy below which a pixel is free.
+    /// Occupancy up to which a pixel is free.
     pub free_thresh: f64,
     /// How gray values are read.
     pub mode: Mode,
@@ -44,14 +46,13 @@ pub struct MapYaml {
 /// The YAML as it is written. Fields that others have added are ignored.
 #[derive(Deserialize)]
 struct Written {
-    image: Spanned<String>,
-    resolution: Spanned<f64>,
-    origin: Spanned<Vec<f64>>,
-    #[serde(default)]
-    negate: Flag,
-    occupied_thresh: Spanned<f64>,
-    free_thresh: Spanned<f64>,
-    mode: Option<Spanned<String>>,
+    image: Spanned<Scalar>,
+    resolution: Spanned<Scalar>,
+    origin: Spanned<Vec<Scalar>>,
+    negate: Option<Spanned<Scalar>>,
+    occupied_thresh: Spanned<Scalar>,
+    free_thresh: Spanned<Scalar>,
+    mode: Option<Spanned<Scalar>>,
 }
 
 impl MapYaml {
@@ -63,7 +64,16 @@ impl MapYaml {
     /// # Errors
     /// [`MapImportError`] with the line and column of what is missing, of another type or out of range.
     pub fn parse(text: &str) -> Result<Self, MapImportError> {
-        let options = serde_saphyr::options! { with_snippet: false };
+        if text.trim().is_empty() {
+            return Err(MapImportError::Empty);
+        }
+        if is_lfs_pointer(text.as_bytes()) {
+            return Err(MapImportError::LfsPointer { what: "YAML" });
+        }
+        let options = serde_saphyr::options! {
+            with_snippet: false,
+            non_finite_float_policy: serde_saphyr::options::NonFiniteFloatPolicy::AsString,
+        };
         let written: Written = serde_saphyr::from_str_with_options(text, options).map_err(|error| {
             let at = error.location().and_then(|location| position(&location));
             MapImportError::Yaml { message: message(&error.to_string()), at }
@@ -82,15 +92,15 @@ impl MapYaml {
                 at: position(&written.occupied_thresh.referenced),
             });
         }
-        if written.image.value.trim().is_empty() {
-            return Err(field("image", "the path of a file", &written.image.value, &written.image.referenced));
+        if written.image.value.0.trim().is_empty() {
+            return Err(field("image", "the path of a file", &written.image));
         }
         Ok(Self {
             origin: origin(&written.origin)?,
             mode: mode(written.mode.as_ref())?,
-            image: written.image.value,
+            negate: negate(written.negate.as_ref())?,
+            image: written.image.value.0,
             resolution,
-            negate: written.negate.0,
             occupied_thresh: occupied,
             free_thresh: free,
         })
@@ -114,107 +124,140 @@ impl MapYaml {
         Ok(yaml)
     }
 
-    /// Classifies a pixel as `map_server` does, except that the gray value 205 is unknown whatever the thresholds say.
+    /// Classifies a pixel as nav2 does, except that the gray of unknown space is unknown whatever the thresholds say.
     ///
-    /// In trinary mode an alpha channel is averaged in as a fourth color; in scale mode it marks unknown pixels; in raw
-    /// mode it is ignored. What lies between the thresholds, the gradient of scale mode included, is unknown. Raw
-    /// percentages are held against the same thresholds.
+    /// That gray is known only where white is free. In trinary and scale mode what is not opaque is unknown. Where both
+    /// thresholds are met, the pixel is free. In scale mode the costs 0 and 100 are free and occupied; those between are
+    /// unknown here. Raw percentages are held against the same thresholds.
     pub(super) fn pixel(&self, shade: Shade) -> Pixel {
-        let transparent = shade.alpha.is_some_and(|alpha| alpha < 255.0);
-        if shade.is_unknown() || (self.mode == Mode::Scale && transparent) {
-            return Pixel::Unknown;
-        }
+        let gray = f64::from(shade.gray);
         let occupancy = match self.mode {
-            Mode::Raw if shade.gray > 100.0 => return Pixel::Unknown,
-            Mode::Raw => shade.gray / 100.0,
-            Mode::Trinary | Mode::Scale => {
-                let gray = match shade.alpha {
-                    Some(alpha) if self.mode == Mode::Trinary => (3.0 * shade.gray + alpha) / 4.0,
-                    _ => shade.gray,
-                };
-                (if self.negate { gray } else { 255.0 - gray }) / 255.0
-            }
+            Mode::Raw if shade.gray > 100 => return Pixel::Unknown,
+            Mode::Raw => gray / 100.0,
+            _ if shade.alpha < u8::MAX || shade.marked && !self.negate => return Pixel::Unknown,
+            _ => (if self.negate { gray } else { 255.0 - gray }) / 255.0,
         };
-        if occupancy > self.occupied_thresh {
-            Pixel::Occupied
-        } else if occupancy < self.free_thresh {
-            Pixel::Free
-        } else {
-            Pixel::Unknown
+        // The steps between gray values are some 4000 times as large.
+        const HAIR: f64 = 1e-6;
+        if occupancy <= self.free_thresh + HAIR {
+            return Pixel::Free;
         }
+        if occupancy >= self.occupied_thresh - HAIR {
+            return Pixel::Occupied;
+        }
+        if self.mode == Mode::Scale {
+            let cost = (occupancy - self.free_thresh) / (self.occupied_thresh - self.free_thresh) * 100.0;
+            if cost < 0.5 {
+                return Pixel::Free;
+            }
+            if cost >= 99.5 {
+                return Pixel::Occupied;
+            }
+        }
+        Pixel::Unknown
     }
 }
 
-/// `0`, `1`, `false` or `true`.
-#[derive(Default)]
-struct Flag(bool);
+/// A number, word or flag as it is written; quotes make no difference.
+struct Scalar(String);
 
-impl<'de> Deserialize<'de> for Flag {
+impl<'de> Deserialize<'de> for Scalar {
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
-        struct FlagVisitor;
-        impl Visitor<'_> for FlagVisitor {
-            type Value = Flag;
+        struct ScalarVisitor;
+        impl Visitor<'_> for ScalarVisitor {
+            type Value = Scalar;
 
             fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-                f.write_str("`negate` to be 0, 1, false or true")
+                f.write_str("a number or a word")
             }
 
-            fn visit_bool<E>(self, value: bool) -> Result<Flag, E> {
-                Ok(Flag(value))
+            fn visit_bool<E>(self, value: bool) -> Result<Scalar, E> {
+                Ok(Scalar(value.to_string()))
             }
 
-            fn visit_u64<E: serde::de::Error>(self, value: u64) -> Result<Flag, E> {
-                match value {
-                    0 | 1 => Ok(Flag(value == 1)),
-                    _ => Err(E::custom(format_args!("`negate` must be 0, 1, false or true, not `{value}`"))),
-                }
+            fn visit_u64<E>(self, value: u64) -> Result<Scalar, E> {
+                Ok(Scalar(value.to_string()))
             }
 
-            fn visit_i64<E: serde::de::Error>(self, value: i64) -> Result<Flag, E> {
-                self.visit_u64(u64::try_from(value).unwrap_or(u64::MAX))
+            fn visit_i64<E>(self, value: i64) -> Result<Scalar, E> {
+                Ok(Scalar(value.to_string()))
+            }
+
+            fn visit_f64<E>(self, value: f64) -> Result<Scalar, E> {
+                Ok(Scalar(value.to_string()))
+            }
+
+            fn visit_str<E>(self, value: &str) -> Result<Scalar, E> {
+                Ok(Scalar(value.to_owned()))
+            }
+
+            fn visit_unit<E>(self) -> Result<Scalar, E> {
+                Ok(Scalar(String::new()))
             }
         }
-        deserializer.deserialize_any(FlagVisitor).map_err(D::Error::custom)
+        deserializer.deserialize_any(ScalarVisitor)
+    }
+}
+
+impl Scalar {
+    fn number(&self) -> Option<f64> {
+        // YAML writes `.nan` and `.inf`.
+        self.0.trim().parse().ok()
     }
 }
 
 fn number(
     name: &'static str,
-    written: &Spanned<f64>,
+    written: &Spanned<Scalar>,
     expected: &'static str,
     in_range: impl Fn(f64) -> bool,
 ) -> Result<f64, MapImportError> {
-    if in_range(written.value) {
-        Ok(written.value)
-    } else {
-        Err(field(name, expected, &written.value.to_string(), &written.referenced))
-    }
+    written.value.number().filter(|value| in_range(*value)).ok_or_else(|| field(name, expected, written))
 }
 
-fn origin(written: &Spanned<Vec<f64>>) -> Result<[f64; 3], MapImportError> {
+fn origin(written: &Spanned<Vec<Scalar>>) -> Result<[f64; 3], MapImportError> {
     /// Floor plans lie on Earth, whose circumference this is.
     const FURTHEST: f64 = 4e7;
-    match written.value[..] {
-        [x, y, yaw] if [x, y, yaw].iter().all(|value| value.abs() <= FURTHEST) => Ok([x, y, yaw]),
+    let numbers: Vec<f64> = written.value.iter().filter_map(Scalar::number).collect();
+    match (written.value.len(), &numbers[..]) {
+        (3, &[x, y, yaw]) if numbers.iter().all(|value| value.abs() <= FURTHEST) => Ok([x, y, yaw]),
         _ => {
-            let expected = "three finite numbers, [x, y, yaw]";
-            Err(field("origin", expected, &format!("{:?}", written.value), &written.referenced))
+            let found: Vec<&str> = written.value.iter().map(|value| value.0.as_str()).collect();
+            Err(MapImportError::Field {
+                field: "origin",
+                expected: "three finite numbers, [x, y, yaw]",
+                found: format!("[{}]", found.join(", ")),
+                at: position(&written.referenced),
+            })
         }
     }
 }
 
-fn mode(written: Option<&Spanned<String>>) -> Result<Mode, MapImportError> {
-    let Some(written) = written else { return Ok(Mode::Trinary) };
-    match written.value.as_str() {
-        "trinary" => Ok(Mode::Trinary),
-        "scale" => Ok(Mode::Scale),
-        "raw" => Ok(Mode::Raw),
-        other => Err(field("mode", "`trinary`, `scale` or `raw`", other, &written.referenced)),
+/// Reads a number, where all but 0 mean yes, or one of YAML's words for yes and no.
+fn negate(written: Option<&Spanned<Scalar>>) -> Result<bool, MapImportError> {
+    let Some(written) = written else { return Ok(false) };
+    match written.value.0.trim().to_lowercase().as_str() {
+        "true" | "yes" | "on" | "y" => Ok(true),
+        "false" | "no" | "off" | "n" => Ok(false),
+        word => {
+            let number = word.parse::<i64>().map_err(|_| field("negate", "0, 1, false or true", written))?;
+            Ok(number != 0)
+        }
     }
 }
 
-fn field(field: &'static str, expected: &'static str, found: &str, at: &Location) -> MapImportError {
-    MapImportError::Field { field, expected, found: found.to_owned(), at: position(at) }
+fn mode(written: Option<&Spanned<Scalar>>) -> Result<Mode, MapImportError> {
+    let Some(written) = written else { return Ok(Mode::Trinary) };
+    match written.value.0.to_lowercase().as_str() {
+        "trinary" => Ok(Mode::Trinary),
+        "scale" => Ok(Mode::Scale),
+        "raw" => Ok(Mode::Raw),
+        _ => Err(field("mode", "`trinary`, `scale` or `raw`", written)),
+    }
+}
+
+fn field(field: &'static str, expected: &'static str, written: &Spanned<Scalar>) -> MapImportError {
+    MapImportError::Field { field, expected, found: written.value.0.clone(), at: position(&written.referenced) }
 }
 
 fn position(location: &Location) -> Option<Position> {
@@ -270,76 +313,159 @@ free_thresh: 0.196
             assert!(error.to_string().contains(says), "{error}");
             assert_eq!(error.position(), Some(Position { line, column }), "{error}");
         };
-        check("0.050000", "coarse", "invalid floating point (line 2, column 13)", 2, 13);
+        check(
+            "0.050000",
+            "coarse",
+            "`resolution` must be a number of meters above 0 and at most 1000, not `coarse`",
+            2,
+            13,
+        );
+        check("0.050000", "0,05", "not `0,05`", 2, 13);
         check("0.050000", ".nan", "`resolution` must be a number of meters above 0", 2, 13);
         check("0.050000", "0", "`resolution` must be a number of meters above 0", 2, 13);
         check("0.050000", "-0.05", "not `-0.05`", 2, 13);
-        check("0.050000", ".inf", "not `inf`", 2, 13);
-        check("-12, 0.000000", "-12", "`origin` must be three finite numbers, [x, y, yaw], not `[-12.5, -12.0]`", 3, 9);
+        check("0.050000", ".inf", "not `.inf`", 2, 13);
+        check("-12, 0.000000", "-12", "`origin` must be three finite numbers, [x, y, yaw], not `[-12.5, -12]`", 3, 9);
         check("-12, 0.000000", "-12, .nan", "`origin` must be three finite numbers", 3, 9);
+        check("-12, 0.000000", "-12, -nan", "not `[-12.5, -12, -nan]`", 3, 9);
+        check("-12, 0.000000", "-12, 0, 0", "`origin` must be three finite numbers", 3, 9);
         check("[-12.5, -12, 0.000000]", "5", "expected sequence start", 3, 9);
-        check("negate: 0", "negate: 3", "`negate` must be 0, 1, false or true, not `3`", 4, 9);
+        check("negate: 0", "negate: maybe", "`negate` must be 0, 1, false or true, not `maybe`", 4, 9);
         check("0.65", "1.5", "`occupied_thresh` must be a number from 0 to 1, not `1.5`", 5, 18);
         check("0.65", "0.1", "`occupied_thresh` (0.1) is below `free_thresh` (0.196)", 5, 18);
         check("free_thresh: 0.196", "", "missing field `free_thresh`", 5, 1);
         check("negate: 0", "mode: ternary", "`mode` must be `trinary`, `scale` or `raw`, not `ternary`", 4, 7);
         check("map.pgm", "''", "`image` must be the path of a file", 1, 8);
-        check("map.pgm", "[", "expected string scalar", 1, 8);
+        check("map.pgm", "", "`image` must be the path of a file", 1, 6);
         check("negate: 0", "image: b.pgm", "duplicate mapping key: image (line", 4, 1);
     }
 
-    fn check(yaml: &MapYaml, gray: f64, alpha: Option<f64>, expected: Pixel) {
-        assert_eq!(yaml.pixel(Shade { gray, alpha }), expected, "{gray} {alpha:?} {yaml:?}");
+    #[test]
+    fn what_is_no_description_says_what_it_is() {
+        let check = |text: &str, says: &str| {
+            let error = MapYaml::parse(text).expect_err(says).to_string();
+            assert!(error.contains(says), "{error}");
+        };
+        check("", "the file is empty");
+        check(" \n", "the file is empty");
+        check(
+            "version https://git-lfs.github.com/spec/v1\noid sha256:4d\nsize 12\n",
+            "pointer of Git LFS, not the YAML",
+        );
+    }
+
+    #[test]
+    fn words_and_numbers_may_be_quoted_and_in_capitals() {
+        let check = |line: &str, negate: bool, mode: Mode| {
+            let found =
+                MapYaml::parse(&HOUSE.replace("negate: 0", line)).unwrap_or_else(|error| panic!("{line}: {error}"));
+            assert_eq!((found.negate, found.mode), (negate, mode), "{line}");
+        };
+        for no in ["0", "\"0\"", "'0'", "false", "False", "'false'", "no", "NO", "off", "'No'"] {
+            check(&format!("negate: {no}"), false, Mode::Trinary);
+        }
+        // A number other than 0 is as good as true in C++.
+        for yes in ["1", "\"1\"", "true", "TRUE", "'true'", "yes", "On", "3", "-1"] {
+            check(&format!("negate: {yes}"), true, Mode::Trinary);
+        }
+        for (word, mode) in
+            [("Trinary", Mode::Trinary), ("SCALE", Mode::Scale), ("'Raw'", Mode::Raw), ("raw", Mode::Raw)]
+        {
+            check(&format!("negate: 0\nmode: {word}"), false, mode);
+        }
+        check("", false, Mode::Trinary);
+        let quoted =
+            HOUSE.replace("0.050000", "'0.05'").replace("-12, 0.000000", "'-12', \"0\"").replace("0.65", "\"0.65\"");
+        assert_eq!(MapYaml::parse(&quoted).expect("quotes make no difference"), yaml());
+    }
+
+    fn shade(gray: u8, alpha: u8) -> Shade {
+        Shade { gray, alpha, marked: gray == 205 }
+    }
+
+    fn check(yaml: &MapYaml, gray: u8, expected: Pixel) {
+        assert_eq!(yaml.pixel(shade(gray, 255)), expected, "{gray} {yaml:?}");
     }
 
     #[test]
     fn trinary_splits_at_two_thresholds() {
-        check(&yaml(), 0.0, None, Pixel::Occupied);
-        check(&yaml(), 89.0, None, Pixel::Occupied);
-        check(&yaml(), 90.0, None, Pixel::Unknown);
-        check(&yaml(), 205.0, None, Pixel::Unknown);
-        check(&yaml(), 206.0, None, Pixel::Free);
+        // An occupancy of 0.65 lies between the grays 89 and 90, one of 0.196 between 205 and 206.
+        check(&yaml(), 0, Pixel::Occupied);
+        check(&yaml(), 89, Pixel::Occupied);
+        check(&yaml(), 90, Pixel::Unknown);
+        check(&yaml(), 205, Pixel::Unknown);
+        check(&yaml(), 206, Pixel::Free);
         let negated = MapYaml { negate: true, ..yaml() };
-        check(&negated, 0.0, None, Pixel::Free);
-        check(&negated, 255.0, None, Pixel::Occupied);
-        // Equal thresholds leave only the value itself unknown.
+        check(&negated, 0, Pixel::Free);
+        check(&negated, 255, Pixel::Occupied);
+    }
+
+    #[test]
+    fn the_thresholds_themselves_belong_to_both_sides() {
+        // 0.4 is the occupancy of 153, 0.6 of 102, as decimals and as float32.
+        for (low, high) in [(0.4, 0.6), (f64::from(0.4f32), f64::from(0.6f32))] {
+            let between = MapYaml { free_thresh: low, occupied_thresh: high, ..yaml() };
+            check(&between, 153, Pixel::Free);
+            check(&between, 152, Pixel::Unknown);
+            check(&between, 103, Pixel::Unknown);
+            check(&between, 102, Pixel::Occupied);
+        }
+        // Free is what nav2 sets last.
         let equal = MapYaml { occupied_thresh: 0.4, free_thresh: 0.4, ..yaml() };
-        check(&equal, 153.0, None, Pixel::Unknown);
-        check(&equal, 154.0, None, Pixel::Free);
-        check(&equal, 152.0, None, Pixel::Occupied);
+        check(&equal, 153, Pixel::Free);
+        check(&equal, 154, Pixel::Free);
+        check(&equal, 152, Pixel::Occupied);
+        for mode in [Mode::Trinary, Mode::Scale] {
+            let widest = MapYaml { occupied_thresh: 1.0, free_thresh: 0.0, mode, ..yaml() };
+            check(&widest, 255, Pixel::Free);
+            check(&widest, 0, Pixel::Occupied);
+            check(&widest, 128, Pixel::Unknown);
+        }
     }
 
     #[test]
     fn the_gray_of_unknown_space_is_never_free() {
-        let loose = MapYaml { free_thresh: 0.25, ..yaml() };
-        check(&loose, 204.0, None, Pixel::Free);
-        check(&loose, 205.0, None, Pixel::Unknown);
-        // Averaged with an opaque alpha it would be 217.5.
-        check(&loose, 205.0, Some(255.0), Pixel::Unknown);
+        for mode in [Mode::Trinary, Mode::Scale] {
+            let loose = MapYaml { free_thresh: 0.25, mode, ..yaml() };
+            check(&loose, 204, Pixel::Free);
+            check(&loose, 205, Pixel::Unknown);
+            // Negated, the value means nothing: its occupancy is 0.8.
+            check(&MapYaml { negate: true, ..loose }, 205, Pixel::Occupied);
+        }
     }
 
     #[test]
-    fn alpha_is_a_color_in_trinary_and_a_mask_in_scale() {
-        check(&yaml(), 255.0, Some(255.0), Pixel::Free);
-        check(&yaml(), 0.0, Some(255.0), Pixel::Occupied);
-        check(&yaml(), 255.0, Some(0.0), Pixel::Unknown);
-        let scale = MapYaml { mode: Mode::Scale, ..yaml() };
-        check(&scale, 255.0, Some(254.0), Pixel::Unknown);
-        check(&scale, 255.0, Some(255.0), Pixel::Free);
-        check(&scale, 60.0, Some(255.0), Pixel::Occupied);
-        check(&scale, 150.0, Some(255.0), Pixel::Unknown);
+    fn what_is_not_opaque_is_unknown_but_in_raw_mode() {
+        for mode in [Mode::Trinary, Mode::Scale] {
+            let yaml = MapYaml { mode, ..yaml() };
+            for gray in [0, 255] {
+                assert_eq!(yaml.pixel(shade(gray, 254)), Pixel::Unknown);
+                assert_ne!(yaml.pixel(shade(gray, 255)), Pixel::Unknown);
+            }
+        }
+        assert_eq!(MapYaml { mode: Mode::Raw, ..yaml() }.pixel(shade(0, 0)), Pixel::Free);
+    }
+
+    #[test]
+    fn costs_that_round_to_the_ends_of_a_scale_are_the_ends() {
+        let scale = MapYaml { occupied_thresh: 1.0, free_thresh: 0.0, mode: Mode::Scale, ..yaml() };
+        // 1/255 is a cost of 0.39, 2/255 one of 0.78.
+        check(&scale, 254, Pixel::Free);
+        check(&scale, 253, Pixel::Unknown);
+        check(&scale, 2, Pixel::Unknown);
+        check(&scale, 1, Pixel::Occupied);
     }
 
     #[test]
     fn raw_values_are_percentages() {
         let raw = MapYaml { mode: Mode::Raw, negate: true, ..yaml() };
-        check(&raw, 0.0, None, Pixel::Free);
-        check(&raw, 19.0, None, Pixel::Free);
-        check(&raw, 20.0, None, Pixel::Unknown);
-        check(&raw, 66.0, Some(0.0), Pixel::Occupied);
-        check(&raw, 100.0, None, Pixel::Occupied);
-        check(&raw, 101.0, None, Pixel::Unknown);
-        check(&raw, 255.0, None, Pixel::Unknown);
+        check(&raw, 0, Pixel::Free);
+        check(&raw, 19, Pixel::Free);
+        check(&raw, 20, Pixel::Unknown);
+        check(&raw, 66, Pixel::Occupied);
+        check(&raw, 100, Pixel::Occupied);
+        check(&raw, 101, Pixel::Unknown);
+        check(&raw, 255, Pixel::Unknown);
     }
 
     #[test]

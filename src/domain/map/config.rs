@@ -1,0 +1,240 @@
+//! How maps are read.
+
+use std::fmt;
+use std::str::FromStr;
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use super::error::MapImportError;
+
+/// What kind of file a map comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MapForm {
+    /// A YAML of ROS `map_server` and the image that it names.
+    Ros,
+    /// An image without a description.
+    Image,
+    /// The folder of an iGibson scene.
+    Igibson,
+}
+
+impl fmt::Display for MapForm {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Ros => "a map of ROS",
+            Self::Image => "a plain image",
+            Self::Igibson => "an iGibson scene",
+        })
+    }
+}
+
+/// Which of the separate regions of free floor are kept.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(try_from = "Written", into = "Written")]
+#[schemars(with = "Written")]
+pub enum Region {
+    /// The largest one that is not outdoors.
+    #[default]
+    Largest,
+    /// All that are not outdoors.
+    All,
+    /// The one at a place, x and y in meters in the frame of the map.
+    At(f64, f64),
+}
+
+/// `largest`, `all`, or the coordinates of a place in the region: `[x, y]` or `"x,y"`, in meters in the frame of the map.
+#[derive(Serialize, Deserialize, JsonSchema)]
+#[serde(untagged, expecting = "expected `largest`, `all`, or a place in the region, `[x, y]` in meters")]
+enum Written {
+    Word(String),
+    Place([f64; 2]),
+}
+
+impl TryFrom<Written> for Region {
+    type Error = String;
+
+    fn try_from(written: Written) -> Result<Self, String> {
+        match written {
+            Written::Word(word) => word.parse(),
+            Written::Place([x, y]) if x.is_finite() && y.is_finite() => Ok(Self::At(x, y)),
+            Written::Place([x, y]) => Err(no_region(&format!("{x},{y}"))),
+        }
+    }
+}
+
+impl From<Region> for Written {
+    fn from(region: Region) -> Self {
+        match region {
+            Region::Largest => Self::Word("largest".to_owned()),
+            Region::All => Self::Word("all".to_owned()),
+            Region::At(x, y) => Self::Place([x, y]),
+        }
+    }
+}
+
+impl FromStr for Region {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |text: &str| text.trim().parse().ok().filter(|value: &f64| value.is_finite());
+        match text {
+            "largest" => Ok(Self::Largest),
+            "all" => Ok(Self::All),
+            _ => {
+                let place = text.split_once(',').and_then(|(x, y)| Some((number(x)?, number(y)?)));
+                place.map(|(x, y)| Self::At(x, y)).ok_or_else(|| no_region(text))
+            }
+        }
+    }
+}
+
+fn no_region(text: &str) -> String {
+    format!("`region` must be `largest`, `all` or `x,y` in meters, not `{text}`")
+}
+
+/// How maps are read.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct ImportConfig {
+    /// Edge of a cell of the result in meters, 0.01 to 1.
+    #[schemars(range(min = 0.01, max = 1.0))]
+    pub resolution: f64,
+    /// Which of the separate regions of free floor are kept: `largest` (that is not outdoors), `all`, or the one at
+    /// `[x, y]`, in meters in the frame of the map.
+    pub region: Region,
+    /// Edge of a pixel in meters of a plain image, which says nothing about its scale itself, 0.001 to 10.
+    #[schemars(range(min = 0.001, max = 10.0))]
+    pub image_resolution: Option<f64>,
+    /// Brightness from which on a pixel of a plain image is free, as a share of white, 0 to 1; 0.5 if it is left out.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub threshold: Option<f64>,
+    /// Occupancy from which on a pixel is occupied, instead of the one in the YAML of a map of ROS, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub occupied_thresh: Option<f64>,
+    /// Occupancy up to which a pixel is free, instead of the one in the YAML of a map of ROS, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub free_thresh: Option<f64>,
+    /// Whether black is free and white occupied, instead of what the YAML of a map of ROS says; plain images take it too.
+    pub negate: Option<bool>,
+    /// Number of the floor of an iGibson scene; 0 if it is left out, or the only one there is.
+    pub floor: Option<u32>,
+}
+
+impl Default for ImportConfig {
+    fn default() -> Self {
+        Self {
+            resolution: 0.1,
+            region: Region::Largest,
+            image_resolution: None,
+            threshold: None,
+            occupied_thresh: None,
+            free_thresh: None,
+            negate: None,
+            floor: None,
+        }
+    }
+}
+
+impl ImportConfig {
+    /// Brightness from which on a pixel of a plain image is free, unless another is set.
+    pub const THRESHOLD: f64 = 0.5;
+
+    /// Checks every number against its range.
+    ///
+    /// # Errors
+    /// [`MapImportError::Parameter`] names the first field that is out of range.
+    pub fn check(&self) -> Result<(), MapImportError> {
+        let within = |field, value: f64, low: f64, high: f64| {
+            if value >= low && value <= high {
+                Ok(())
+            } else {
+                Err(MapImportError::Parameter { field, value, low, high })
+            }
+        };
+        within("resolution", self.resolution, 0.01, 1.0)?;
+        within("image_resolution", self.image_resolution.unwrap_or(1.0), 0.001, 10.0)?;
+        within("threshold", self.threshold.unwrap_or(0.0), 0.0, 1.0)?;
+        within("occupied_thresh", self.occupied_thresh.unwrap_or(0.0), 0.0, 1.0)?;
+        within("free_thresh", self.free_thresh.unwrap_or(0.0), 0.0, 1.0)?;
+        match (self.occupied_thresh, self.free_thresh) {
+            (Some(occupied), Some(free)) if occupied < free => {
+                Err(MapImportError::Thresholds { occupied, free, at: None })
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Returns the fields that are set although maps of this form have no use for them.
+    #[must_use]
+    pub fn unfit(&self, form: MapForm) -> Vec<&'static str> {
+        use MapForm::{Igibson, Image, Ros};
+        let fields: [(&str, bool, &[MapForm]); 6] = [
+            ("image_resolution", self.image_resolution.is_some(), &[Image]),
+            ("threshold", self.threshold.is_some(), &[Image]),
+            ("occupied_thresh", self.occupied_thresh.is_some(), &[Ros]),
+            ("free_thresh", self.free_thresh.is_some(), &[Ros]),
+            ("negate", self.negate.is_some(), &[Ros, Image]),
+            ("floor", self.floor.is_some(), &[Igibson]),
+        ];
+        fields.into_iter().filter(|(_, set, forms)| *set && !forms.contains(&form)).map(|(name, ..)| name).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        let check = |config: ImportConfig, field: &str| {
+            let error = config.check().expect_err(field).to_string();
+            assert!(error.contains(&format!("`{field}`")), "{error}");
+        };
+        let plain = || ImportConfig { image_resolution: Some(0.1), ..ImportConfig::default() };
+        check(ImportConfig { resolution: f64::NAN, ..plain() }, "resolution");
+        check(ImportConfig { resolution: 0.0, ..plain() }, "resolution");
+        check(ImportConfig { image_resolution: Some(-1.0), ..plain() }, "image_resolution");
+        check(ImportConfig { threshold: Some(1.5), ..plain() }, "threshold");
+        check(ImportConfig { free_thresh: Some(f64::INFINITY), ..plain() }, "free_thresh");
+        check(ImportConfig { free_thresh: Some(0.5), occupied_thresh: Some(0.4), ..plain() }, "occupied_thresh");
+        ImportConfig::default().check().expect("the defaults are in range");
+    }
+
+    #[test]
+    fn a_region_is_a_word_or_a_place() {
+        let check = |json: &str, expected: Option<Region>| {
+            let found: Result<Region, _> = serde_json::from_str(json);
+            assert_eq!(found.as_ref().ok(), expected.as_ref(), "{json}: {found:?}");
+            if let Some(region) = expected {
+                let again = serde_json::to_string(&region).expect("is JSON");
+                assert_eq!(serde_json::from_str::<Region>(&again).expect("reads back"), region);
+            }
+        };
+        check("\"largest\"", Some(Region::Largest));
+        check("\"all\"", Some(Region::All));
+        check("[1, -2.5]", Some(Region::At(1.0, -2.5)));
+        check("\"1, -2.5\"", Some(Region::At(1.0, -2.5)));
+        for wrong in ["\"biggest\"", "\"1\"", "\"1,2,3\"", "\"nan,0\"", "[1]", "[1, 2, 3]", "7", "null"] {
+            check(wrong, None);
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_the_form_is_named() {
+        let check = |config: ImportConfig, fits: &[MapForm]| {
+            for form in [MapForm::Ros, MapForm::Image, MapForm::Igibson] {
+                assert_eq!(config.unfit(form).is_empty(), fits.contains(&form), "{form}: {config:?}");
+            }
+        };
+        use MapForm::{Igibson, Image, Ros};
+        let none = ImportConfig::default;
+        check(ImportConfig { resolution: 0.2, region: Region::All, ..none() }, &[Ros, Image, Igibson]);
+        check(ImportConfig { image_resolution: Some(0.1), ..none() }, &[Image]);
+        check(ImportConfig { threshold: Some(0.5), ..none() }, &[Image]);
+        check(ImportConfig { occupied_thresh: Some(0.5), ..none() }, &[Ros]);
+        check(ImportConfig { free_thresh: Some(0.5), ..none() }, &[Ros]);
+        check(ImportConfig { negate: Some(false), ..none() }, &[Ros, Image]);
+        check(ImportConfig { floor: Some(0), ..none() }, &[Igibson]);
+    }
+}

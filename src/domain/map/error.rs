@@ -1,0 +1,71 @@
+//! What keeps a map from being read.
+
+use image::ImageError;
+
+use super::config::MapForm;
+use super::occupancy::MapError;
+
+/// A place in a text, both counted from 1.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Position {
+    /// Line.
+    pub line: u64,
+    /// Column in characters.
+    pub column: u64,
+}
+
+/// What keeps a map from being read.
+#[derive(Debug, thiserror::Error)]
+pub enum MapImportError {
+    #[error("the YAML of the map is not understood: {message}{}", place(at))]
+    Yaml { message: String, at: Option<Position> },
+    #[error("`{field}` must be {expected}, not `{found}`{}", place(at))]
+    Field { field: &'static str, expected: &'static str, found: String, at: Option<Position> },
+    #[error("`occupied_thresh` ({occupied}) is below `free_thresh` ({free}): a pixel could be both{}", place(at))]
+    Thresholds { occupied: f64, free: f64, at: Option<Position> },
+    #[error("`{field}` is {value}, but must lie from {low} to {high}")]
+    Parameter { field: &'static str, value: f64, low: f64, high: f64 },
+    #[error("`{field}` does not fit {form}")]
+    Unfit { field: &'static str, form: MapForm },
+    #[error("a plain image needs `image_resolution`, the edge of its pixels in meters")]
+    ImageResolution,
+    #[error("the file is empty")]
+    Empty,
+    #[error("the file is a pointer of Git LFS, not the {what} itself")]
+    LfsPointer { what: &'static str },
+    #[error("the image is none of PGM, PNG, JPEG, BMP and TIFF")]
+    ImageFormat,
+    #[error("the image is cut short")]
+    ImageCutShort,
+    #[error("the image cannot be decoded")]
+    Image { source: ImageError },
+    #[error("the image cannot be decoded: {0}")]
+    Pnm(&'static str),
+    #[error("the image is damaged in a way that stops its decoder: {0}")]
+    Decoder(String),
+    #[error("{width} × {height} are too many pixels: at most {most} are read")]
+    TooManyPixels { width: u64, height: u64, most: u64 },
+    #[error("the map has no free cell: {percent:.0} % of its pixels are transparent, which means unknown")]
+    Transparent { percent: f64 },
+    #[error("only {area:.2} m² of floor are free, too little for anybody to walk on")]
+    TooSmall { area: f64 },
+    #[error("there is no free floor at {x}, {y}: the map reaches from {}, {} to {}, {}", low[0], low[1], high[0], high[1])]
+    NoRegion { x: f64, y: f64, low: [f64; 2], high: [f64; 2] },
+    #[error(transparent)]
+    Map(#[from] MapError),
+}
+
+impl MapImportError {
+    /// Returns the place in the YAML that is to blame, where there is one.
+    #[must_use]
+    pub const fn position(&self) -> Option<Position> {
+        match self {
+            Self::Yaml { at, .. } | Self::Field { at, .. } | Self::Thresholds { at, .. } => *at,
+            _ => None,
+        }
+    }
+}
+
+fn place(at: &Option<Position>) -> String {
+    at.map_or_else(String::new, |at| format!(" (line {}, column {})", at.line, at.column))
+}

@@ -1,0 +1,123 @@
+//! The map itself: which cells are free, and how far they are from what is not.
+
+use super::distance::squared_wall_distances;
+use crate::domain::geometry::{Frame, Grid};
+
+/// The free cells of a floor, and where they lie in the world.
+///
+/// Everything that is not free is blocked: walls, furniture, unknown space and all that lies outside of the grid.
+#[derive(Debug, Clone, PartialEq)]
+pub struct OccupancyMap {
+    free: Grid<bool>,
+    frame: Frame,
+}
+
+/// What makes a grid useless as a map.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum MapError {
+    #[error("the map has no free cell")]
+    NoFreeSpace,
+    #[error("the grid has {rows} × {cols} cells, its frame {frame_rows} × {frame_cols}")]
+    FrameMismatch { rows: usize, cols: usize, frame_rows: usize, frame_cols: usize },
+    #[error("the resolution `{0}` is not a positive number of meters")]
+    Resolution(f64),
+}
+
+impl OccupancyMap {
+    /// Joins free cells (`true`) with their frame.
+    ///
+    /// # Errors
+    /// [`MapError`] if no cell is free, the sizes disagree or the resolution is not positive.
+    pub fn new(free: Grid<bool>, frame: Frame) -> Result<Self, MapError> {
+        if (free.rows(), free.cols()) != (frame.rows, frame.cols) {
+            return Err(MapError::FrameMismatch {
+                rows: free.rows(),
+                cols: free.cols(),
+                frame_rows: frame.rows,
+                frame_cols: frame.cols,
+            });
+        }
+        if !(frame.resolution.is_finite() && frame.resolution > 0.0) {
+            return Err(MapError::Resolution(frame.resolution));
+        }
+        if !free.as_slice().contains(&true) {
+            return Err(MapError::NoFreeSpace);
+        }
+        Ok(Self { free, frame })
+    }
+
+    /// Returns the grid of free cells.
+    #[must_use]
+    pub const fn free(&self) -> &Grid<bool> {
+        &self.free
+    }
+
+    /// Returns where the grid lies.
+    #[must_use]
+    pub const fn frame(&self) -> &Frame {
+        &self.frame
+    }
+
+    /// Returns the edge of a cell in meters.
+    #[must_use]
+    pub const fn resolution(&self) -> f64 {
+        self.frame.resolution
+    }
+
+    /// Tells whether a cell is free; cells outside of the grid are blocked.
+    #[must_use]
+    pub fn is_free(&self, row: isize, col: isize) -> bool {
+        self.free.get(row, col).copied().unwrap_or(false)
+    }
+
+    /// Returns the number of free cells.
+    #[must_use]
+    pub fn free_cells(&self) -> usize {
+        self.free.as_slice().iter().filter(|free| **free).count()
+    }
+
+    /// Returns the free area in square meters.
+    #[must_use]
+    pub fn free_area(&self) -> f64 {
+        self.free_cells() as f64 * self.resolution() * self.resolution()
+    }
+
+    /// Computes for every cell the distance from its center to the nearest point of a blocked cell, in meters.
+    ///
+    /// Blocked cells have 0; the outside of the grid is blocked.
+    #[must_use]
+    pub fn clearance(&self) -> Grid<f64> {
+        let resolution = self.resolution();
+        squared_wall_distances(&self.free).map(|squared| squared.sqrt() * resolution)
+    }
+
+    /// Returns the cells whose [clearance](Self::clearance) is at least `radius` meters: where the center of a disc may be.
+    #[must_use]
+    pub fn eroded(&self, radius: f64) -> Grid<bool> {
+        // Half a cell of 0.1 m times three must not miss 0.15 m by a rounding.
+        self.clearance().map(|clearance| *clearance >= radius - 1e-9 && *clearance > 0.0)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::geometry::Cell;
+
+    fn grid(rows: &[&str]) -> Grid<bool> {
+        Grid::from_fn(rows.len(), rows[0].len(), |c| rows[c.row].as_bytes()[c.col] == b'.')
+    }
+
+    #[test]
+    fn the_outside_is_blocked() {
+        let map = OccupancyMap::new(grid(&[".....", ".....", "....."]), Frame::at_zero(0.1, 3, 5)).expect("a map");
+        assert!((map.clearance()[Cell::new(1, 2)] - 0.15).abs() < 1e-12);
+        assert_eq!(map.eroded(0.1).as_slice().iter().filter(|f| **f).count(), 3);
+    }
+
+    #[test]
+    fn a_map_needs_free_space() {
+        let error = OccupancyMap::new(grid(&["##"]), Frame::at_zero(0.1, 1, 2)).expect_err("no free cell");
+        assert_eq!(error, MapError::NoFreeSpace);
+    }
+}
