@@ -62,10 +62,10 @@ pub use error::StoreError;
 pub use file::write_whole;
 pub use latest::LatestEntry;
 pub use lock::KeyLock;
-pub use node_name::{NodeName, NodePart};
+pub use node_name::{NodeName, NodePart, Role};
 pub use object::{Artifact, FileRef, ObjectWriter};
 pub use recipe::{Difference, InputDigest, Recipe, Record, Remembered};
-pub use run::{Outcome, Role, Run, RunNode, RunStatus};
+pub use run::{Outcome, Run, RunNode, RunStatus};
 pub use run_index::RunSummary;
 pub use verify::{Damage, Damaged, Missing, VerifyReport};
 

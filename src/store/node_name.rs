@@ -7,8 +7,6 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::Role;
-
 /// The name of a node, or of a part of one: `model`, `labels/home_03`, `walks/home_03/chunk-02`, `model/epoch-07`.
 ///
 /// It compares and sorts as its text. Records and events hold the text with the member and the number of the part beside
@@ -22,6 +20,18 @@ pub struct NodeName {
     /// Where the node's name ends: with the member, if there is one.
     node: usize,
     part: Option<NodePart>,
+}
+
+/// What a node is to the pipeline.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Role {
+    /// One that the pipeline's file names.
+    Node,
+    /// An independent part of one.
+    Chunk,
+    /// A step of one; the node's artifact is that of the last step.
+    Epoch,
 }
 
 /// A part of a node.

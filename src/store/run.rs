@@ -10,7 +10,7 @@ use serde_json::ser::Formatter;
 use super::error::failed;
 use super::file::check_name;
 use super::run_index::RunSummary;
-use super::{Artifact, Key, NodeName, Store, StoreError};
+use super::{Artifact, Key, NodeName, Role, Store, StoreError};
 
 /// One run of one pipeline.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -44,18 +44,6 @@ pub enum RunStatus {
     Finished,
     Failed,
     Interrupted,
-}
-
-/// What a node is to the pipeline.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Role {
-    /// One that the pipeline's file names.
-    Node,
-    /// An independent part of one.
-    Chunk,
-    /// A step of one; the node's artifact is that of the last step.
-    Epoch,
 }
 
 /// How a node fared.

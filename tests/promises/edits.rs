@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use super::{Place, Room, Told};
+use super::{PIPELINE, Place, Room, Told};
 
 /// What follows from the tiles.
 const LEARNED: [&str; 2] = ["model{,/epoch-01,/epoch-02}", "{heat,scores,costs}/test_a"];
@@ -112,4 +112,75 @@ fn another_file_of_the_same_map_stops_at_the_import() {
     // Written once more without a change, or only touched: nothing runs.
     place.draw("test_a", Room { desk: (24, 50), door: 40 }, "# saved anew.\n");
     place.run(&[]).ran(&[]);
+}
+
+#[test]
+fn the_order_of_maps_is_no_input() {
+    let digests = |order: &str| {
+        let place = Place::new();
+        fs::write(place.at("tiny.yaml"), PIPELINE.replace("\"maps/train_*.yaml\"", order)).expect("writes");
+        place.run(&["--only", "tiles"]).digests()
+    };
+    let up = digests("[maps/train_a.yaml, maps/train_b.yaml]");
+    assert!(up.contains_key("tiles"));
+    assert_eq!(up, digests("[maps/train_b.yaml, maps/train_a.yaml]"));
+}
+
+#[test]
+fn a_replicate_of_a_stage_reruns_what_hangs_on_it() {
+    let place = Place::finished();
+    place.run(&["--set", "model.seed=8"]).ran(&LEARNED);
+    assert_eq!(why(&place, "model/epoch-01"), "model/epoch-01: seed 7 → 8\n");
+    place.run(&["--set", "model.seed=7"]).ran(&[]);
+    let told = place.try_run(&["--set", "labels.seed=8"]);
+    assert_eq!(told.code, 2, "{}", told.stderr);
+    assert!(told.stderr.contains("`quantize` draws no random numbers, so it takes no `seed`"), "{}", told.stderr);
+}
+
+#[test]
+fn a_mode_of_annotation_has_its_own_parameters_only() {
+    let place = Place::finished();
+    // A stride by itself means windows, and all defaults written out are the same as none.
+    for heat in ["stride: 16", "mode: exact, stride: 16, overlap: full"] {
+        let heat = format!("heat={{ use: annotate, map: $maps.test, model: model, {heat} }}");
+        place.run(&["--set", &heat]).ran(&[]);
+    }
+    let told = place.try_run(&["--set", "heat.offsets=64"]);
+    assert_eq!(told.code, 2, "{}", told.stderr);
+    for what in
+        ["`offsets` goes with `mode: dense`, and here is `mode: exact`", "leave `offsets` out, or write `mode: dense`"]
+    {
+        assert!(told.stderr.contains(what), "{}", told.stderr);
+    }
+}
+
+#[test]
+fn odd_names_of_files_are_taken_as_they_are_or_refused() {
+    let place = Place::new();
+    let check =
+        |files: &str| place.tell(&["check", "tiny.yaml", "--set", &format!("maps.test={{ files: \"maps/{files}\" }}")]);
+    let room = Room { desk: (24, 50), door: 40 };
+    // It looks like a pattern, and there is a file that the pattern would match besides.
+    place.draw("odd[1]", room, "");
+    place.draw("odd1", room, "");
+    let told = check("odd[1].yaml");
+    assert!(told.stdout.starts_with("`tiny` is fine: 3 maps"), "{}{}", told.stdout, told.stderr);
+    let plan = place.tell(&["plan", "tiny.yaml", "--set", "maps.test={ files: \"maps/odd[1].yaml\" }"]);
+    assert!(plan.stdout.contains("maps/odd[1] ") && !plan.stdout.contains("maps/odd1 "), "{}", plan.stdout);
+    place.draw("..", room, "");
+    let told = check("...yaml");
+    assert_eq!(told.code, 2, "{}", told.stderr);
+    assert!(told.stderr.contains("`..` cannot be the name of a map"), "{}", told.stderr);
+}
+
+#[test]
+fn a_pipeline_file_that_never_ends_is_refused_at_once() {
+    let place = Place::new();
+    let made = std::process::Command::new("mkfifo").arg(place.at("pipe.yaml")).status().expect("starts");
+    assert!(made.success());
+    for (file, what) in [("pipe.yaml", "it is a pipe (FIFO), not a regular file"), ("/dev/zero", "it is a device")] {
+        let told = place.tell(&["check", file]);
+        assert_eq!(told.code, 2, "{}", told.stderr);
+        assert!(told.stderr.contains(what), "{}", told.stderr);
+    }
 }

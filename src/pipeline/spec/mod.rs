@@ -14,6 +14,7 @@ mod request;
 mod scalar;
 pub(crate) mod suggest;
 pub(crate) mod tree;
+mod value;
 mod variables;
 
 use std::collections::BTreeSet;

@@ -2,7 +2,7 @@
 
 use serde_json::Number;
 
-use super::tree::Data;
+use super::value::Data;
 use crate::pipeline::error::{Problem, Span};
 
 /// Returns what a plain scalar means.
