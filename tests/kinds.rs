@@ -2,7 +2,7 @@
 
 mod damage;
 mod encoding;
-mod samples;
+pub mod samples;
 
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use proptest::prelude::*;

@@ -4,6 +4,7 @@ mod architecture;
 mod cli;
 mod crowd;
 mod equations;
+mod fuzz;
 mod kinds;
 mod maps;
 mod needs;
@@ -15,3 +16,6 @@ mod python_artifacts;
 mod report;
 mod store;
 mod unet;
+
+#[global_allocator]
+static ALLOCATOR: fuzz::memory::Counting = fuzz::memory::Counting;

@@ -1,0 +1,239 @@
+//! Texts: a map's YAML, a pipeline's, and the records of the store.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+use serde_json::{Value, json};
+use trodden::domain::map::{ImportConfig, MapYaml, import_ros};
+use trodden::pipeline::plan::{Lookups, plan};
+use trodden::pipeline::spec::{Request, parse};
+use trodden::stages::REGISTER;
+use trodden::store::{Artifact, Digest, Key, Record, Store, StoreError};
+
+use super::mutate::{Dice, text, times, tree};
+use super::{Target, images};
+
+pub fn target(name: &str) -> Option<Target> {
+    match name {
+        "map-yaml" => Some(map_yaml()),
+        "pipeline" => Some(pipeline()),
+        "recipe" => Some(recipe()),
+        "run" => Some(run()),
+        _ => None,
+    }
+}
+
+/// What stands in YAML and may not stand everywhere.
+const YAML: [&str; 40] = [
+    ":",
+    ": ",
+    "- ",
+    "{",
+    "}",
+    "[",
+    "]",
+    ",",
+    "&a ",
+    "*a",
+    "<<: *a",
+    "\"",
+    "'",
+    "|\n",
+    ">-\n",
+    "?",
+    "!!str ",
+    "!!binary ",
+    "!x ",
+    "---\n",
+    "...\n",
+    "%YAML 1.1\n",
+    "#",
+    "\t",
+    "\n",
+    "\r\n",
+    "\0",
+    "\u{feff}",
+    "~",
+    "null",
+    "yes",
+    "0x1F",
+    "1_000",
+    "0o17",
+    ".nan",
+    "-.inf",
+    "2023-01-01",
+    "${HOME}",
+    "${",
+    "ö",
+];
+
+fn map_yaml() -> Target {
+    const SEEDS: [&str; 4] = [
+        "image: map.pgm\nresolution: 0.050000\norigin: [-12.5, -12, 0.000000]\nnegate: 0\noccupied_thresh: 0.65\n\
+         free_thresh: 0.196\n",
+        "image: map.png\nmode: scale\nresolution: 0.10000000149011612\norigin: [0, 0, 1.5]\nnegate: true\n\
+         occupied_thresh: 0.5\nfree_thresh: 0.5\nauthor: { name: x, tags: [1, 2] }\n",
+        "# a comment\nimage: \"maps/a b.pgm\"\nresolution: 5.0e-2\norigin:\n  - -1.0\n  - 2.5\n  - 0\nnegate: 1\n\
+         occupied_thresh: .65\nfree_thresh: 0.25\nmode: raw\n",
+        "---\n{ image: map.pgm, resolution: 1.0, origin: [0.0, 0.0, 0.0], negate: false, occupied_thresh: 0.9, \
+         free_thresh: 0.1, mode: trinary }\n",
+    ];
+    let image = images::good();
+    let seeds = SEEDS.map(|seed| seed.as_bytes().to_vec()).to_vec();
+    Target::new("map-yaml", seeds, yaml, move |input| {
+        let Ok(yaml) = MapYaml::parse(&String::from_utf8_lossy(input)) else { return false };
+        drop(import_ros(&yaml, &image, &ImportConfig::default()));
+        true
+    })
+}
+
+fn yaml(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
+    let mut input = dice.of(seeds).clone();
+    times(dice, |dice| text(dice, &mut input, seeds, &YAML));
+    input
+}
+
+/// A store in which nothing is.
+struct Nothing;
+
+impl Lookups for Nothing {
+    fn recall(&self, _: &Key) -> Result<Option<Record>, StoreError> {
+        Ok(None)
+    }
+
+    fn complete(&self, _: &Artifact) -> bool {
+        false
+    }
+
+    fn source_digest(&self, _: &Path) -> Result<Digest, StoreError> {
+        Ok(Digest::of(b""))
+    }
+}
+
+fn pipeline() -> Target {
+    const SEEDS: [&str; 3] = [
+        include_str!("../../pipelines/quickstart.yaml"),
+        include_str!("../../pipelines/paper.yaml"),
+        "seed: 7\n\
+         crowd: &crowd { agents: [2, 4], radius: 0.2, duration: 10 }\n\
+         maps:\n  train: [ { homes: { count: 2, area: [50, 60] } }, { offices: { count: 1 } } ]\n  \
+         test: { homes: { count: 1, first: 1000 } }\n\
+         stages:\n  \
+         walks: { use: simulate, map: $maps, episodes: 45, <<: *crowd }\n  \
+         visits: { use: rasterize, map: $maps, walks: walks }\n  \
+         labels: { use: quantize, map: $maps, visits: visits, classes: 3 }\n  \
+         tiles: { use: tile, map: $maps.train, labels: labels.train, size: 16, stride: 16, min_labeled: 64 }\n  \
+         model: { use: train, tiles: tiles, epochs: 2 }\n  \
+         heat: { use: annotate, map: $maps.test, model: model }\n  \
+         scores: { use: score, heat: heat, labels: labels.test, visits: visits.test }\n  \
+         trips: { use: navigate, map: $maps.test, episodes: 5, steps: 20, <<: *crowd, agents: [5, 6] }\n  \
+         costs: { use: cost, trips: trips, heat: heat }\n",
+    ];
+    let folder = tempfile::tempdir().expect("creates");
+    let variables = BTreeMap::from([("HOME".to_owned(), "nowhere".to_owned())]);
+    let seeds = SEEDS.map(|seed| seed.as_bytes().to_vec()).to_vec();
+    Target::new("pipeline", seeds, yaml, move |input| {
+        let file = folder.path().join("fuzz.yaml");
+        let request = Request { file: &file, sets: &[], variables: &variables, register: &REGISTER };
+        match parse(&String::from_utf8_lossy(input), &request) {
+            Ok(pipeline) => {
+                drop(plan(&pipeline, &Nothing, &[]));
+                true
+            }
+            Err(error) => {
+                drop(error.render(false));
+                false
+            }
+        }
+    })
+}
+
+/// Changes a JSON text: its tree, or its letters.
+fn json_text(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
+    const WORDS: [&str; 12] = ["{", "}", "[", "]", ",", ":", "\"", "\\u0000", "\\ud800", "null", "1e999", "\"a\":"];
+    let seed = dice.of(seeds).clone();
+    if dice.one_in(3) {
+        let mut input = seed;
+        times(dice, |dice| text(dice, &mut input, seeds, &WORDS));
+        return input;
+    }
+    let mut value: Value = serde_json::from_slice(&seed).expect("a seed is JSON");
+    times(dice, |dice| tree(dice, &mut value));
+    serde_json::to_vec(&value).expect("JSON")
+}
+
+fn digest(of: &str) -> String {
+    Digest::of(of.as_bytes()).to_hex()
+}
+
+fn artifact(names: &[&str]) -> Value {
+    let file = |name: &&str| json!({ "name": name, "digest": digest(name), "bytes": 1234 });
+    json!({ "digest": digest("artifact"), "files": names.iter().map(file).collect::<Vec<_>>() })
+}
+
+fn recipe() -> Target {
+    let record = |part: Value, inputs: Value, files: &[&str]| {
+        let recipe = json!({
+            "stage": "quantize", "part": part, "version": 1, "kind": "Labels", "format": 1,
+            "parameters": { "classes": 3, "method": "uniform", "deep": { "a": [1, 2.5, null], "b": "x" } },
+            "seed": 7, "environment": { "device": "flex/portable" }, "inputs": inputs,
+        });
+        serde_json::to_vec_pretty(&json!({ "recipe": recipe, "artifact": artifact(files) })).expect("JSON")
+    };
+    let one = json!({ "map": digest("a"), "visits": digest("b") });
+    let many = json!({ "labels": { "home_00": digest("c"), "home_01": digest("d") } });
+    let seeds = vec![record(Value::Null, one, &[""]), record("chunk".into(), many, &["a.parquet", "b.json"])];
+    let folder = tempfile::tempdir().expect("creates");
+    let store = Store::open(folder.path()).expect("opens");
+    let first: Record = serde_json::from_slice(&seeds[0]).expect("a record");
+    Target::new("recipe", seeds, json_text, move |input| {
+        // As it lies in the store: under its own key if it has one, else under that of another.
+        let record = serde_json::from_slice::<Record>(input);
+        let key = record.as_ref().map_or_else(|_| first.recipe.key(), |record| record.recipe.key());
+        let path = folder.path().join("recipes").join(&key.to_hex()[..2]).join(format!("{}.json", &key.to_hex()[2..]));
+        fs::create_dir_all(path.parent().expect("below the store")).expect("creates");
+        fs::write(&path, input).expect("writes");
+        let recalled = store.recall(&key).expect("the file can be read");
+        if let Ok(record) = &record {
+            assert_eq!(record.recipe.differences(&record.recipe), []);
+            drop(record.recipe.differences(&first.recipe));
+        }
+        drop(fs::remove_file(&path));
+        drop(store.take_damages());
+        recalled.is_some()
+    })
+}
+
+fn run() -> Target {
+    const ID: &str = "20260101-000000-fuzz";
+    let node = |name: &str, role: &str, outcome: &str| {
+        json!({
+            "node": name, "role": role, "stage": "quantize", "kind": "Labels", "outcome": outcome,
+            "key": digest(name), "artifact": artifact(&[""]), "wall_s": 0.25, "inputs": ["maps/home_00"], "error": null,
+        })
+    };
+    let record = |nodes: Vec<Value>, status: &str| {
+        let run = json!({
+            "id": ID, "pipeline": "tiny", "file": "tiny.yaml", "source": "seed: 7\n",
+            "started": "2026-01-01T00:00:00Z", "wall_s": 1.5, "status": status, "nodes": nodes,
+            "warnings": ["one"], "version": "0.1.0",
+        });
+        serde_json::to_vec(&run).expect("JSON")
+    };
+    let labels = node("labels/home_00", "node", "ran");
+    let seeds = vec![
+        record(vec![labels.clone(), node("walks/home_00/chunk-02", "chunk", "hit")], "finished"),
+        record(vec![labels, node("model/epoch-07", "epoch", "failed")], "failed"),
+    ];
+    let folder = tempfile::tempdir().expect("creates");
+    let store = Store::open(folder.path()).expect("opens");
+    let path = folder.path().join("runs").join(ID).join("run.json");
+    fs::create_dir_all(path.parent().expect("below the store")).expect("creates");
+    Target::new("run", seeds, json_text, move |input| {
+        fs::write(&path, input).expect("writes");
+        drop(fs::remove_file(folder.path().join("runs/index.jsonl")));
+        drop(store.runs());
+        store.run(ID).is_ok()
+    })
+}
