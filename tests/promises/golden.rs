@@ -1,6 +1,9 @@
-//! A golden digest for each stage that computes alike on every processor: output changed and the version did not? It fails.
+//! A golden digest for each stage: output changed and the version did not? It fails.
+//!
+//! The stages of the network compute alike on every processor with the portable kernels; these are what is held here.
 
 use std::collections::BTreeMap;
+use std::process::Command;
 
 use serde_json::{Value, json};
 use trodden::domain::geometry::{Cell, Frame, Grid, Point};
@@ -11,9 +14,10 @@ use trodden::domain::tracks::{Sample, Tracks, agent_id};
 use trodden::kinds::{Heat, Kind, NavEpisodes, NavSample, Placed, Written};
 use trodden::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageSpec};
 use trodden::stages::REGISTER;
+use trodden::stages::compute::SIMD_VARIABLE;
 use trodden::store::{Artifact, Store};
 
-use super::{Place, Room};
+use super::{Place, Room, Told};
 
 const ROWS: usize = 60;
 const COLS: usize = 70;
@@ -111,12 +115,48 @@ impl Bench {
         self.run(nodes[0].spec, &*nodes[0].stage, Part::Whole, &Inputs::default());
     }
 
-    fn run(&mut self, spec: &StageSpec, stage: &dyn Stage, part: Part, inputs: &Inputs) {
+    fn run(&mut self, spec: &StageSpec, stage: &dyn Stage, part: Part, inputs: &Inputs) -> Artifact {
         let context =
             Context { store: &self.store, seed: 7, progress: &|_, _| {}, warn: &|_| {}, cancelled: &|| false };
         let output = stage.run(part, inputs, &context).unwrap_or_else(|error| panic!("{}: {error}", spec.name));
-        let Output::File(file) = output else { panic!("`{}` writes one file", spec.name) };
-        self.found.push(format!("{} {} {}", spec.name, spec.version, &file.digest.to_hex()[..16]));
+        let artifact = match output {
+            Output::File(file) => Artifact::single(file),
+            Output::Bundle(files) => self.store.bundle(spec.output.name, spec.output.format, files).expect("writes"),
+        };
+        self.found.push(format!("{} {} {}", spec.name, spec.version, &artifact.digest.to_hex()[..16]));
+        artifact
+    }
+
+    /// Trains two epochs on windows of [`map`] and [`labels`], and annotates the map by what came out.
+    fn network(&mut self) {
+        let stage = |name: &str, parameters: Value| {
+            let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
+            (entry.spec, (entry.parse)(&parameters).expect("good parameters"))
+        };
+        let group = |artifact: Artifact| Input::Group(vec![("room".to_owned(), artifact)]);
+        let one = |input: Input| match input {
+            Input::One(artifact) => artifact,
+            Input::Group(_) => unreachable!("each was put alone"),
+        };
+        let (map, labels) = (one(self.put(&map())), one(self.put(&labels())));
+        let ports = |ports: Vec<(&str, Input)>| Inputs {
+            ports: ports.into_iter().map(|(port, input)| (port.to_owned(), input)).collect(),
+            ..Inputs::default()
+        };
+        let (spec, tile) = stage("tile", json!({ "size": 16, "stride": 16, "min_labeled": 64 }));
+        let inputs = ports(vec![("map", group(map.clone())), ("labels", group(labels))]);
+        let tiles = self.run(spec, &*tile, Part::Whole, &inputs);
+        let (spec, train) = stage("train", json!({ "epochs": 2, "batch": 8 }));
+        let mut inputs = ports(vec![("tiles", Input::One(tiles))]);
+        for epoch in 1..=2 {
+            inputs.previous = Some(self.run(spec, &*train, Part::Step(epoch), &inputs));
+        }
+        let model = inputs.previous.take().expect("the second epoch");
+        for parameters in [json!({ "mode": "exact", "stride": 8 }), json!({ "mode": "dense", "offsets": 4 })] {
+            let (spec, annotate) = stage("annotate", parameters);
+            let inputs = ports(vec![("map", Input::One(map.clone())), ("model", Input::One(model.clone()))]);
+            self.run(spec, &*annotate, Part::Whole, &inputs);
+        }
     }
 }
 
@@ -170,4 +210,27 @@ fn output_changes_only_with_a_version() {
         "cost 2 871e97213c8ad662",
     ];
     assert_eq!(bench.found, expected, "output changed: raise VERSION of the stage, then update this digest");
+}
+
+/// Set in the process that computes with the portable kernels.
+const CHILD: &str = "TRODDEN_GOLDEN_CHILD";
+
+#[test]
+fn the_network_changes_only_with_a_version() {
+    if std::env::var_os(CHILD).is_some() {
+        let mut bench = Bench::new();
+        bench.network();
+        bench.found.iter().for_each(|found| println!("golden: {found}"));
+        return;
+    }
+    // The instruction set comes from the environment, which belongs to all tests of a process.
+    let told = Told::of(
+        Command::new(std::env::current_exe().expect("the tests have a file"))
+            .args(["promises::golden::the_network_changes_only_with_a_version", "--exact", "--nocapture"])
+            .env(CHILD, "1")
+            .env(SIMD_VARIABLE, "portable"),
+    );
+    let found: Vec<&str> = told.stdout.lines().filter_map(|line| line.split_once("golden: ")).map(|l| l.1).collect();
+    let expected = ["tile 2 0", "train 1 0", "train 1 0", "annotate 2 0", "annotate 2 0"];
+    assert_eq!(found, expected, "{}: raise VERSION of the stage, then update this digest", told.stderr);
 }
