@@ -58,7 +58,7 @@ fn kind<K: SingleFile>(name: &'static str, sample: &K) -> Target {
 
 fn walks() -> Vec<u8> {
     let tracks = samples::tracks(0..3, 3, 6);
-    let mut writer = TrackWriter::new(Vec::new(), tracks.frame, tracks.value.frame_rate).expect("a writer");
+    let mut writer = TrackWriter::new(Vec::new(), tracks.frame, tracks.value.frame_rate, 0.2).expect("a writer");
     writer.extend(&tracks.value.samples).expect("in order");
     writer.finish().expect("finished")
 }

@@ -133,7 +133,7 @@ impl Bench {
             let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
             (entry.spec, (entry.parse)(&parameters).expect("good parameters"))
         };
-        let group = |artifact: Artifact| Input::Group(vec![("room".to_owned(), artifact)]);
+        let group = |artifact: Artifact| Input::Group(BTreeMap::from([("room".to_owned(), artifact)]));
         let one = |input: Input| match input {
             Input::One(artifact) => artifact,
             Input::Group(_) => unreachable!("each was put alone"),
