@@ -144,6 +144,7 @@ fn spawn(target: &str, first: u64, cases: u64, folder: &Path) -> Option<(u64, St
         .args(["fuzz::child", "--exact", "--nocapture"])
         .env(CHILD, format!("{target} {first} {cases} {}", note.display()))
         .env("RAYON_NUM_THREADS", "1")
+        .env("RUST_BACKTRACE", "0")
         .stdout(Stdio::null())
         .stderr(Stdio::piped())
         .spawn()

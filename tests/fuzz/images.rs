@@ -70,11 +70,12 @@ fn pgms() -> Vec<Vec<u8>> {
         [header("P6", 255).into_bytes(), colors].concat(),
         [format!("P1\n{COLS} {ROWS}\n").into_bytes(), bits].concat(),
         [format!("P4\n{COLS} {ROWS}\n").into_bytes(), vec![0x5a; COLS.div_ceil(8) * ROWS]].concat(),
-        format!(
-            "P7\nWIDTH {COLS}\nHEIGHT {ROWS}\nDEPTH 2\nMAXVAL 255\nTUPLTYPE GRAYSCALE_ALPHA\nENDHDR\n{}",
-            "\u{7f}\u{7f}".repeat(COLS * ROWS)
-        )
-        .into_bytes(),
+        [
+            format!("P7\nWIDTH {COLS}\nHEIGHT {ROWS}\nDEPTH 2\nMAXVAL 255\nTUPLTYPE GRAYSCALE_ALPHA\nENDHDR\n")
+                .into_bytes(),
+            vec![255; 2 * COLS * ROWS],
+        ]
+        .concat(),
     ]
 }
 
