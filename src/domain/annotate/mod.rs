@@ -18,147 +18,17 @@
 //! The network is whatever can [`Predict`].
 
 mod columns;
+mod config;
 mod dense;
-mod fields;
+mod predict;
 mod windows;
-
-use std::ops::ControlFlow;
-
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use super::geometry::Grid;
 use super::map::OccupancyMap;
-use super::unet::{DeviceName, Network};
+use predict::PERIOD;
 
-pub use fields::{AnnotateFields, ModeName, OverlapName};
-
-/// The network halves its input three times: shifting an input by this many cells shifts the prediction, no more.
-const PERIOD: usize = 8;
-
-/// What can tell the probabilities of classes in cells: a network.
-pub trait Predict: Sync {
-    /// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols], on all threads.
-    ///
-    /// `out` gets the probabilities, shape [n, rows, cols, C + 1], class 0 the obstacle.
-    fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]);
-
-    /// Returns whether windows of `size`² cells cost less in [columns](Self::columns) than as images.
-    fn shares_columns(&self, size: usize) -> bool;
-
-    /// Predicts the windows that begin at the rows `tops`, multiples of 8, of a column of cells that is as wide as they
-    /// are, on the thread that calls.
-    ///
-    /// `each` gets the number of a window and the probabilities that [`images`](Self::images) would give of it.
-    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32]));
-}
-
-impl Predict for Network {
-    fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
-        self.predict(images, rows, cols, n, out);
-    }
-
-    fn shares_columns(&self, size: usize) -> bool {
-        self.shares_columns(size)
-    }
-
-    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32])) {
-        self.predict_windows(column, size, tops, each);
-    }
-}
-
-/// Hears how many of all images are done; [`ControlFlow::Break`] ends the work.
-pub type Progress<'a> = dyn FnMut(usize, usize) -> ControlFlow<()> + 'a;
-
-/// Where the network looks, with what only this mode has to say about it.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mode {
-    /// At windows that slide over the map, as in the paper.
-    Exact(Overlap),
-    /// At the whole map, once for each of `offsets` of the 64 offsets modulo 8: another estimator, many times as fast.
-    Dense { offsets: u32 },
-}
-
-/// How far windows lie apart, and which of their cells count (exact mode).
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Overlap {
-    /// All cells count; the windows lie `stride` cells apart and overlap.
-    Full { stride: u32 },
-    /// All cells count, and the windows lie side by side.
-    None,
-    /// Only the central `stride` × `stride` cells count, so that each cell is predicted once: with stride 1 the central one.
-    PerPixel { stride: u32 },
-}
-
-/// What the heat is divided by at the end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Normalize {
-    /// Nothing: the heat of different maps compares.
-    #[default]
-    None,
-    /// The map's maximum.
-    Max,
-}
-
-/// Parameters of annotation with all defaults filled in; those that another mode has are not there.
-#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(try_from = "AnnotateFields", into = "AnnotateFields")]
-pub struct AnnotateConfig {
-    pub mode: Mode,
-    pub normalize: Normalize,
-    pub device: DeviceName,
-}
-
-impl Default for Mode {
-    fn default() -> Self {
-        Self::Dense { offsets: 64 }
-    }
-}
-
-/// What keeps a map from being annotated.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-pub enum AnnotateError {
-    #[error("`stride` is `{stride}`, allowed are 1 to the window's {window}")]
-    Stride { stride: u32, window: usize },
-    #[error("`offsets` is `{0}`, allowed are 1 to 64")]
-    Offsets(u32),
-    #[error("`{field}` goes with `{with}`, and here is `{here}`")]
-    OtherMode { field: &'static str, with: &'static str, here: &'static str },
-    #[error("the window's size is `{0}`, allowed are multiples of 8")]
-    Window(usize),
-    #[error("annotation was cancelled")]
-    Cancelled,
-}
-
-impl AnnotateConfig {
-    /// Checks that every parameter is in its range, as far as that does not depend on the window's size.
-    ///
-    /// # Errors
-    /// [`AnnotateError`] names the parameter and what is allowed.
-    pub fn check(&self) -> Result<(), AnnotateError> {
-        self.check_with(512)
-    }
-
-    /// Checks that every parameter is in its range, for windows of `window` cells.
-    ///
-    /// # Errors
-    /// [`AnnotateError`] names the parameter and what is allowed.
-    pub fn check_with(&self, window: usize) -> Result<(), AnnotateError> {
-        if window == 0 || !window.is_multiple_of(8) {
-            return Err(AnnotateError::Window(window));
-        }
-        match self.mode {
-            Mode::Exact(Overlap::Full { stride } | Overlap::PerPixel { stride })
-                if !(1..=window).contains(&(stride as usize)) =>
-            {
-                Err(AnnotateError::Stride { stride, window })
-            }
-            Mode::Dense { offsets } if !(1..=64).contains(&offsets) => Err(AnnotateError::Offsets(offsets)),
-            Mode::Exact(_) | Mode::Dense { .. } => Ok(()),
-        }
-    }
-}
+pub use config::{AnnotateConfig, AnnotateError, AnnotateFields, Mode, ModeName, Normalize, Overlap, OverlapName};
+pub use predict::{Predict, Progress};
 
 /// A map with the network's predictions.
 #[derive(Debug, Clone, PartialEq)]

@@ -1,9 +1,8 @@
-//! The parameters of annotation as people write them: flat, and each may be left out.
+//! The parameters of annotation: as people write them, flat, and each may be left out; and as the mode has them.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{AnnotateConfig, AnnotateError, Mode, Normalize, Overlap};
 use crate::domain::unet::DeviceName;
 
 /// Parameters of annotation; what is left out is as in brackets.
@@ -101,6 +100,109 @@ impl From<AnnotateConfig> for AnnotateFields {
             Mode::Exact(Overlap::Full { stride }) => exact(OverlapName::Full, Some(stride)),
             Mode::Exact(Overlap::None) => exact(OverlapName::None, None),
             Mode::Exact(Overlap::PerPixel { stride }) => exact(OverlapName::PerPixel, Some(stride)),
+        }
+    }
+}
+
+/// Where the network looks, with what only this mode has to say about it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Mode {
+    /// At windows that slide over the map, as in the paper.
+    Exact(Overlap),
+    /// At the whole map, once for each of `offsets` of the 64 offsets modulo 8: another estimator, many times as fast.
+    Dense {
+        /// How many of the offsets are averaged, 1 to 64.
+        offsets: u32,
+    },
+}
+
+/// How far windows lie apart, and which of their cells count (exact mode).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Overlap {
+    /// All cells count; the windows lie `stride` cells apart and overlap.
+    Full {
+        /// Distance between neighboring windows in cells.
+        stride: u32,
+    },
+    /// All cells count, and the windows lie side by side.
+    None,
+    /// Only the central `stride` × `stride` cells count, so that each cell is predicted once: with stride 1 the central one.
+    PerPixel {
+        /// Distance between neighboring windows in cells.
+        stride: u32,
+    },
+}
+
+/// What the heat is divided by at the end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Normalize {
+    /// Nothing: the heat of different maps compares.
+    #[default]
+    None,
+    /// The map's maximum.
+    Max,
+}
+
+/// Parameters of annotation with all defaults filled in; those that another mode has are not there.
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "AnnotateFields", into = "AnnotateFields")]
+pub struct AnnotateConfig {
+    /// Where the network looks.
+    pub mode: Mode,
+    /// What the heat is divided by at the end.
+    pub normalize: Normalize,
+    /// What computes.
+    pub device: DeviceName,
+}
+
+impl Default for Mode {
+    fn default() -> Self {
+        Self::Dense { offsets: 64 }
+    }
+}
+
+/// What keeps a map from being annotated.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
+pub enum AnnotateError {
+    #[error("`stride` is `{stride}`, allowed are 1 to the window's {window}")]
+    Stride { stride: u32, window: usize },
+    #[error("`offsets` is `{0}`, allowed are 1 to 64")]
+    Offsets(u32),
+    #[error("`{field}` goes with `{with}`, and here is `{here}`")]
+    OtherMode { field: &'static str, with: &'static str, here: &'static str },
+    #[error("the window's size is `{0}`, allowed are multiples of 8")]
+    Window(usize),
+    #[error("annotation was cancelled")]
+    Cancelled,
+}
+
+impl AnnotateConfig {
+    /// Checks that every parameter is in its range, as far as that does not depend on the window's size.
+    ///
+    /// # Errors
+    /// [`AnnotateError`] names the parameter and what is allowed.
+    pub fn check(&self) -> Result<(), AnnotateError> {
+        self.check_with(512)
+    }
+
+    /// Checks that every parameter is in its range, for windows of `window` cells.
+    ///
+    /// # Errors
+    /// [`AnnotateError`] names the parameter and what is allowed.
+    pub fn check_with(&self, window: usize) -> Result<(), AnnotateError> {
+        if window == 0 || !window.is_multiple_of(8) {
+            return Err(AnnotateError::Window(window));
+        }
+        match self.mode {
+            Mode::Exact(Overlap::Full { stride } | Overlap::PerPixel { stride })
+                if !(1..=window).contains(&(stride as usize)) =>
+            {
+                Err(AnnotateError::Stride { stride, window })
+            }
+            Mode::Dense { offsets } if !(1..=64).contains(&offsets) => Err(AnnotateError::Offsets(offsets)),
+            Mode::Exact(_) | Mode::Dense { .. } => Ok(()),
         }
     }
 }
