@@ -52,7 +52,9 @@ impl From<Meters> for f64 {
 /// A point or a vector in the plane, in meters (or meters per second).
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Point {
+    /// Meters to the right.
     pub x: f64,
+    /// Meters up.
     pub y: f64,
 }
 
@@ -153,7 +155,9 @@ impl Neg for Point {
 /// A cell of a grid; row 0 is the top row of the image.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Cell {
+    /// Row, 0 at the top.
     pub row: usize,
+    /// Column, 0 at the left.
     pub col: usize,
 }
 

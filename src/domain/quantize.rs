@@ -56,6 +56,7 @@ impl Default for QuantizeConfig {
 
 /// What keeps visits from becoming labels.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum QuantizeError {
     #[error("`classes` is `{0}`, allowed are {FEWEST_CLASSES} to {MOST_CLASSES}")]
     Classes(u8),

@@ -25,6 +25,7 @@ const FORMAT: u32 = 1;
 /// A network in training after some epoch.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Checkpoint {
+    /// What the training was like.
     pub config: CheckpointConfig,
     /// The network, the optimizer, and the number of finished epochs.
     pub state: TrainState,

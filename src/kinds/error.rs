@@ -4,6 +4,7 @@ use crate::store::StoreError;
 
 /// What went wrong between a value and its bytes.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum KindError {
     /// The store could not keep or find the bytes.
     #[error(transparent)]

@@ -100,7 +100,9 @@ impl<T: SingleFile> Kind for T {
 /// A value that lies on a map, with the frame of that map.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Placed<T> {
+    /// The frame of the map.
     pub frame: Frame,
+    /// The value on it.
     pub value: T,
 }
 

@@ -31,6 +31,7 @@ pub struct NavEpisodes {
 /// One agent at one frame.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct NavSample {
+    /// Where somebody was in a frame.
     pub sample: Sample,
     /// Whether the agent is the robot.
     pub robot: bool,

@@ -43,10 +43,13 @@ pub enum Coding {
 /// A column of a file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Column {
+    /// Name in the file.
     pub name: String,
+    /// Type of the values.
     pub data: DataType,
     /// Unit of the values, such as `m`; empty if they have none.
     pub unit: &'static str,
+    /// How the values are encoded.
     pub coding: Coding,
     /// Whether values may be absent.
     pub nullable: bool,
@@ -83,9 +86,13 @@ impl Column {
 /// What a file of a kind looks like: columns and metadata.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layout {
+    /// Name of the kind.
     pub kind: &'static str,
+    /// Number of the kind's format.
     pub format: u32,
+    /// The columns in their order.
     pub columns: Vec<Column>,
+    /// What stands beside the table, by key.
     pub metadata: BTreeMap<String, String>,
     /// Rows of a row group.
     pub group_rows: usize,

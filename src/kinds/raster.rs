@@ -13,6 +13,7 @@ use crate::domain::geometry::{Cell, Frame, Point};
 
 /// A raster's own columns, after `row`, `col`, `x` and `y`.
 pub struct Raster {
+    /// Columns and metadata so far.
     pub layout: Layout,
     frame: Frame,
     arrays: Vec<ArrayRef>,

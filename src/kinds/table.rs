@@ -12,6 +12,7 @@ use super::parquet::read_any;
 
 /// Why a table could not be read, or a query not be answered.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum TableError {
     #[error("the file is no Parquet file, or a damaged one")]
     Parquet(#[source] Box<dyn std::error::Error + Send + Sync>),
@@ -60,7 +61,9 @@ fn query_message(error: &PolarsError) -> String {
 /// The bytes of one of a table's files, and what to call it in the column `file`, if it is to have one.
 #[derive(Debug, Clone)]
 pub struct TableFile {
+    /// What the column `file` calls it; `None` if there is to be no such column.
     pub name: Option<String>,
+    /// The content.
     pub bytes: Vec<u8>,
 }
 

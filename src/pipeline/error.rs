@@ -10,6 +10,7 @@ use crate::store::StoreError;
 
 /// Why a pipeline could not be read, planned or run.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum PipelineError {
     /// The pipeline file could not be read.
     #[error("failed to read `{}`", path.display())]
@@ -89,8 +90,11 @@ fn renderer(color: bool) -> Renderer {
 /// A range of bytes in the pipeline file (origin 0) or in the `--set` of that number, counted from 1.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Span {
+    /// Where it stands: 0 is the file, n the setting with number n.
     pub origin: u16,
+    /// First byte.
     pub start: u32,
+    /// The byte behind the last one.
     pub end: u32,
 }
 
@@ -112,6 +116,7 @@ impl Span {
 pub struct Problem {
     /// A fragment, names in backticks.
     pub message: String,
+    /// The place to blame.
     pub span: Span,
     /// What stands beside the marked place.
     pub label: Option<String>,

@@ -14,58 +14,101 @@ use crate::store::{Digest, NodeName, Outcome, Role, RunStatus};
 pub enum Event {
     /// The run begins; always first.
     RunStarted {
+        /// Id of the run.
         id: String,
+        /// Name of the pipeline.
         pipeline: String,
+        /// The pipeline's file as it was named.
         file: String,
         /// How many nodes, chunks and epochs there are.
         nodes: usize,
     },
     /// A node begins to run.
     NodeStarted {
+        /// Name of the node.
         #[serde(flatten)]
         node: NodeName,
+        /// Name of the stage.
         stage: String,
+        /// What the node is to the pipeline.
         role: Role,
     },
     /// A node could start, but another process makes the same: it is looked up again once that is done.
     Waiting {
+        /// Name of the node.
         #[serde(flatten)]
         node: NodeName,
     },
     /// A node that runs got further.
-    Progress { node: String, done: u64, total: u64 },
+    Progress {
+        /// Name of the node.
+        node: String,
+        /// How much of its work is done.
+        done: u64,
+        /// How much there is to do; 0 as long as nothing is known about it.
+        total: u64,
+    },
     /// A node is done with, one way or another; once for each.
     Node {
+        /// Name of the node.
         #[serde(flatten)]
         node: NodeName,
+        /// How it fared.
         outcome: Outcome,
         /// The digest of its artifact, if it has one.
         digest: Option<Digest>,
+        /// What the node is to the pipeline.
         role: Role,
+        /// Name of the stage.
         stage: String,
+        /// Kind of its artifact.
         kind: String,
+        /// How long it took in seconds.
         wall_s: f64,
+        /// Why it failed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         error: Option<String>,
+        /// What helps against that.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         help: Option<String>,
     },
     /// Something is odd, but the run goes on.
     Warning {
+        /// Name of the node.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         node: Option<String>,
+        /// What there is to say.
         message: String,
     },
     /// The run is over; always last.
-    Run { ran: usize, hit: usize, failed: usize, skipped: usize, wall_s: f64, id: String, status: RunStatus },
+    Run {
+        /// Nodes that ran.
+        ran: usize,
+        /// Nodes that were in the store.
+        hit: usize,
+        /// Nodes that failed.
+        failed: usize,
+        /// Nodes that were not tried.
+        skipped: usize,
+        /// How long it took in seconds.
+        wall_s: f64,
+        /// Id of the run.
+        id: String,
+        /// How it ended.
+        status: RunStatus,
+    },
 }
 
 /// How many nodes, chunks and epochs ended in each way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Counts {
+    /// Nodes that ran.
     pub ran: usize,
+    /// Nodes that were in the store.
     pub hit: usize,
+    /// Nodes that failed.
     pub failed: usize,
+    /// Nodes that were not tried.
     pub skipped: usize,
 }
 
@@ -90,8 +133,11 @@ impl Counts {
 /// A node that is running.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct Running {
+    /// Name of the stage.
     pub stage: String,
+    /// What the node is to the pipeline.
     pub role: Role,
+    /// How much of its work is done.
     pub done: u64,
     /// 0 as long as nothing is known about it.
     pub total: u64,
@@ -100,25 +146,34 @@ pub struct Running {
 /// A node that failed.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize)]
 pub struct FailedNode {
+    /// Name of the node.
     pub node: String,
+    /// Why it failed.
     pub message: String,
+    /// What helps against that.
     pub help: Option<String>,
 }
 
 /// Where a run stands: all events so far, folded.
 #[derive(Debug, Clone, PartialEq, Default, Serialize)]
 pub struct RunState {
+    /// Id of the run.
     pub id: String,
+    /// Name of the pipeline.
     pub pipeline: String,
     /// How many nodes, chunks and epochs there are.
     pub nodes: usize,
+    /// How many nodes fared how so far.
     pub counts: Counts,
     /// The same by the name of the use of a stage: `walks`, `model`.
     pub stages: BTreeMap<String, Counts>,
+    /// What is at work, by name.
     pub running: BTreeMap<String, Running>,
     /// Nodes that another process makes.
     pub waiting: BTreeSet<String>,
+    /// What has failed.
     pub failures: Vec<FailedNode>,
+    /// What there was to warn of.
     pub warnings: Vec<String>,
     /// How the run ended and how long it took in seconds.
     pub finished: Option<(RunStatus, f64)>,

@@ -22,12 +22,15 @@ pub struct Plan {
 pub struct PlannedTask {
     /// `labels/home_03`, `walks/home_03/chunk-02`, `model/epoch-07`.
     pub name: NodeName,
+    /// What it is to the pipeline.
     pub role: Role,
     /// The verb: `quantize`.
     pub stage: &'static str,
+    /// Kind of its artifact.
     pub kind: &'static str,
     /// Positions of the tasks that it reads.
     pub inputs: Vec<usize>,
+    /// What would become of it.
     pub state: State,
     /// `None` while some input is not known.
     pub key: Option<Key>,
@@ -39,7 +42,10 @@ pub struct PlannedTask {
 #[derive(Debug, Clone, PartialEq)]
 pub enum State {
     /// It is on record; its objects are there if anything needs them.
-    Hit { artifact: Artifact },
+    Hit {
+        /// What came out of it.
+        artifact: Artifact,
+    },
     /// It would run.
     Run(Reason),
     /// It would run unless those tasks give what is on record.
@@ -51,8 +57,11 @@ pub enum State {
 /// How many tasks there are of each state.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct PlanCounts {
+    /// Tasks that are in the store.
     pub hit: usize,
+    /// Tasks that would run.
     pub run: usize,
+    /// Tasks of which this cannot be told before others have run.
     pub depends: usize,
 }
 

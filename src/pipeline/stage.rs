@@ -35,9 +35,11 @@ pub enum Arity {
 /// A typed input.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Port {
+    /// Name of the port.
     pub name: &'static str,
     /// Name of the kind that the port takes.
     pub kind: &'static str,
+    /// How many artifacts it takes.
     pub arity: Arity,
     /// One sentence for the JSON Schema.
     pub doc: &'static str,
@@ -50,7 +52,9 @@ pub struct StageSpec {
     pub name: &'static str,
     /// Rises when the same inputs give other bytes.
     pub version: u32,
+    /// The inputs.
     pub ports: &'static [Port],
+    /// The kind of what comes out.
     pub output: KindSpec,
     /// Whether it draws random numbers: then a seed enters the recipe, and a use may name one of its own.
     pub seeded: bool,
@@ -87,7 +91,9 @@ pub enum Part {
 /// A file outside of the store that a stage reads; its content enters the recipe under its role, never its path.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Source {
+    /// Name by which the recipe knows it.
     pub role: String,
+    /// Where it lies.
     pub path: PathBuf,
 }
 
@@ -162,6 +168,7 @@ pub trait Stage: Send + Sync + std::fmt::Debug {
 /// What a part produced: a single unnamed file, or named files.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Output {
+    /// A single file without a name.
     File(FileRef),
     /// Parts by name (`chunk-00.parquet`, `model.safetensors`), each already in the store.
     Bundle(Vec<FileRef>),
@@ -170,6 +177,7 @@ pub enum Output {
 /// The artifacts at the ports of a part.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
+    /// What is connected to each port.
     pub ports: BTreeMap<String, Input>,
     /// The artifacts of the chunks, for [`Part::Gather`].
     pub parts: Vec<(String, Artifact)>,
@@ -182,6 +190,7 @@ pub struct Inputs {
 /// What is connected to a port.
 #[derive(Debug, Clone)]
 pub enum Input {
+    /// One artifact.
     One(Artifact),
     /// Members by name. In which order the file lists them is no input: they go by name, in the recipe as here.
     Group(BTreeMap<String, Artifact>),
@@ -224,6 +233,7 @@ impl Inputs {
 
 /// What surrounds a running part: the store, the seed, and the ears that want to hear how far it is.
 pub struct Context<'a> {
+    /// Where artifacts are read from and written to.
     pub store: &'a Store,
     /// The seed of this use of the stage, or else the pipeline's.
     pub seed: u64,
@@ -237,6 +247,7 @@ pub struct Context<'a> {
 
 /// Why a stage failed.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum StageError {
     /// The run was interrupted.
     #[error("interrupted")]
@@ -291,6 +302,7 @@ pub struct ParameterError {
 /// One entry of the register.
 #[derive(Clone, Copy)]
 pub struct Entry {
+    /// What is the same for every use of the stage.
     pub spec: &'static StageSpec,
     /// Parses and checks the parameters: a JSON object without `use` and without the ports.
     pub parse: fn(&Value) -> Result<Arc<dyn Stage>, ParameterError>,
@@ -305,6 +317,7 @@ pub struct Entry {
 pub struct MapSource {
     /// The key, such as `homes` or `files`.
     pub name: &'static str,
+    /// What it does, in a sentence.
     pub doc: &'static str,
     /// Whether its nodes draw random numbers: then an entry that is a mapping may name a `seed` of its own.
     pub seeded: bool,
@@ -317,14 +330,19 @@ pub struct MapSource {
 
 /// A map that a [`MapSource`] yields.
 pub struct MapNode {
+    /// Name of the map.
     pub name: String,
+    /// What is the same for every use of its stage.
     pub spec: &'static StageSpec,
+    /// The stage with its parameters.
     pub stage: Arc<dyn Stage>,
 }
 
 /// All stages and map sources of a program.
 #[derive(Clone, Copy)]
 pub struct Register {
+    /// The stages.
     pub stages: &'static [Entry],
+    /// The sources of maps.
     pub maps: &'static [MapSource],
 }

@@ -11,6 +11,7 @@ use crate::store::{Digest, InputDigest, NodeName, Outcome, Recipe, Role, Run, Ru
 /// Why one node ran or would run.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Why {
+    /// Name of the node.
     pub node: String,
     /// `classes 3 → 4`, `input \`visits\` changed: visits/home_00`, …; never empty.
     pub lines: Vec<String>,

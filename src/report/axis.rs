@@ -15,15 +15,20 @@ pub enum Scale {
 /// A way from values to the share of an axis's length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Axis {
+    /// The value at its low end.
     pub low: f64,
+    /// The value at its high end.
     pub high: f64,
+    /// How values lie between the ends.
     pub scale: Scale,
 }
 
 /// A mark on an axis: where, as a share of its length, and what to write there.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Tick {
+    /// Share of the axis's length, 0 to 1.
     pub at: f64,
+    /// What to write there.
     pub text: String,
 }
 

@@ -27,6 +27,7 @@ use crate::store::StoreError;
 
 /// What keeps something from being shown.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum ReportError {
     /// The store has it not, or not whole.
     #[error(transparent)]

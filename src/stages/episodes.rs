@@ -27,7 +27,9 @@ const MOST_PER_100_M2: u32 = 100_000;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(untagged)]
 pub enum Episodes {
+    /// So many.
     Number(u32),
+    /// So many for an area.
     Density {
         /// Episodes for each 100 m² of free floor; every map gets at least one.
         per_100_m2: u32,

@@ -18,7 +18,9 @@ pub enum Origin {
     Igibson {
         /// The folder that the scene is named after.
         scene: PathBuf,
+        /// The picture of traversable space.
         image: PathBuf,
+        /// Number of the floor.
         floor: u32,
         /// Whether one gets this floor without asking for it.
         usual: bool,

@@ -13,14 +13,18 @@ use super::{Artifact, Digest, Key, Role, Run, RunStatus, Store, StoreError};
 /// A number of files and their size.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Freed {
+    /// Number of files.
     pub files: u64,
+    /// What they took, in bytes.
     pub bytes: u64,
 }
 
 /// What `gc` freed, or would free.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct Collected {
+    /// Files of artifacts.
     pub objects: Freed,
+    /// Records of what came out of what.
     pub recipes: Freed,
     /// What dead processes were writing.
     pub temporary: Freed,

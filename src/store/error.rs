@@ -7,6 +7,7 @@ use super::Digest;
 
 /// Why the store could not do what it was asked for.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum StoreError {
     /// Nothing is there.
     #[error("there is no store at `{root}`")]

@@ -16,6 +16,7 @@ use super::{Artifact, Digest, Store, StoreError};
 pub struct LatestEntry {
     /// Name of the node; each slash is a folder.
     pub node: String,
+    /// The files to link to.
     pub artifact: Artifact,
     /// Ending of a single file's name, such as `parquet`; a bundle's files bring their own.
     pub extension: &'static str,

@@ -19,7 +19,9 @@ const BLOCK: usize = 1 << 18;
 pub struct FileRef {
     /// Name within a bundle; empty for a single file.
     pub name: String,
+    /// Digest of its content.
     pub digest: Digest,
+    /// Its size in bytes.
     pub bytes: u64,
 }
 
@@ -29,7 +31,9 @@ pub struct FileRef {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Artifact {
+    /// Digest of the file, or of the bundle's manifest.
     pub digest: Digest,
+    /// Its files in order of their names.
     pub files: Vec<FileRef>,
 }
 

@@ -17,6 +17,7 @@ use super::{Artifact, Digest, Key, Store, StoreError};
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(untagged)]
 pub enum InputDigest {
+    /// One artifact.
     One(Digest),
     /// The members of a group by name.
     Many(BTreeMap<String, Digest>),
@@ -26,6 +27,7 @@ pub enum InputDigest {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Recipe {
+    /// Name of the stage.
     pub stage: String,
     /// `chunk`, `gather` or `step`; `None` for the whole.
     pub part: Option<String>,
@@ -33,6 +35,7 @@ pub struct Recipe {
     pub version: u32,
     /// Kind of the output, and the number of its format.
     pub kind: String,
+    /// Number of the format of that kind.
     pub format: u32,
     /// All parameters with defaults filled in.
     pub parameters: Value,
@@ -40,6 +43,7 @@ pub struct Recipe {
     pub seed: Option<u64>,
     /// What else changes the bytes, such as device and instruction set.
     pub environment: BTreeMap<String, String>,
+    /// What was read at each port.
     pub inputs: BTreeMap<String, InputDigest>,
 }
 
@@ -48,7 +52,9 @@ pub struct Recipe {
 pub struct Difference {
     /// `classes`, `inputs.map`, `version`, …: parameters without prefix, nested ones with dots.
     pub what: String,
+    /// The older value; `None` if there was none.
     pub before: Option<String>,
+    /// The newer value; `None` if there is none.
     pub after: Option<String>,
 }
 
@@ -56,7 +62,9 @@ pub struct Difference {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Record {
+    /// What was asked for.
     pub recipe: Recipe,
+    /// What came out.
     pub artifact: Artifact,
 }
 
@@ -68,7 +76,10 @@ pub enum Remembered {
     /// The same came out.
     Same,
     /// The same recipe once gave other bytes: the stage is not deterministic. The new record has taken the place.
-    Other { before: Artifact },
+    Other {
+        /// What came out before.
+        before: Artifact,
+    },
 }
 
 impl Recipe {

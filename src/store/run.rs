@@ -16,6 +16,7 @@ use super::{Artifact, Key, NodeName, Role, Store, StoreError};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
+    /// Id, also the name of its folder.
     pub id: String,
     /// Name of the pipeline.
     pub pipeline: String,
@@ -27,11 +28,14 @@ pub struct Run {
     pub started: String,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// How it ended.
     pub status: RunStatus,
     /// Whether `gc` keeps what it reaches; a mark of its own, see [`Store::mark_keep`].
     #[serde(skip)]
     pub keep: bool,
+    /// All nodes, chunks and steps in the order of the plan.
     pub nodes: Vec<RunNode>,
+    /// What there was to warn of.
     pub warnings: Vec<String>,
     /// Version of the program.
     pub version: String,
@@ -41,8 +45,11 @@ pub struct Run {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RunStatus {
+    /// Nothing failed.
     Finished,
+    /// Something failed.
     Failed,
+    /// It was told to stop.
     Interrupted,
 }
 
@@ -50,26 +57,39 @@ pub enum RunStatus {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Outcome {
+    /// It ran.
     Ran,
+    /// What it makes was in the store.
     Hit,
+    /// It failed.
     Failed,
+    /// It was not tried, because something else failed or the run was told to stop.
     Skipped,
 }
 
 /// One node of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunNode {
+    /// Name of the node.
     #[serde(flatten)]
     pub node: NodeName,
+    /// What it is to the pipeline.
     pub role: Role,
+    /// Name of the stage.
     pub stage: String,
+    /// Kind of its artifact.
     pub kind: String,
+    /// How it fared.
     pub outcome: Outcome,
+    /// Key of its recipe, if that could be made.
     pub key: Option<Key>,
+    /// What it made, if it did.
     pub artifact: Option<Artifact>,
+    /// How long it took in seconds.
     pub wall_s: f64,
     /// Names of the nodes it reads.
     pub inputs: Vec<String>,
+    /// Why it failed.
     pub error: Option<String>,
 }
 

@@ -15,20 +15,26 @@ use super::{Outcome, Run, RunStatus, Store, StoreError};
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct RunSummary {
+    /// Id of the run.
     pub id: String,
+    /// Name of the pipeline.
     pub pipeline: String,
     /// When it began, RFC 3339 in UTC.
     pub started: String,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// How it ended.
     pub status: RunStatus,
     /// Whether `gc` keeps what it reaches.
     #[serde(skip)]
     pub keep: bool,
     /// How many nodes, chunks and epochs there were of each outcome.
     pub ran: u64,
+    /// Nodes that were in the store.
     pub hit: u64,
+    /// Nodes that failed.
     pub failed: u64,
+    /// Nodes that were not tried.
     pub skipped: u64,
 }
 

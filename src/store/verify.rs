@@ -18,7 +18,9 @@ use super::{Artifact, Digest, Key, Role, Store, StoreError};
 /// What is damaged.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Damaged {
+    /// The file of an artifact.
     Object(Digest),
+    /// The record of what came out of a recipe.
     Recipe(Key),
     /// The record of a run, by its id.
     Run(String),
@@ -29,6 +31,7 @@ pub enum Damaged {
 /// Something damaged, whose it is, and where it is now.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Damage {
+    /// What is damaged.
     pub what: Damaged,
     /// The nodes it belongs to; none if no run knows it.
     pub nodes: Vec<String>,
@@ -39,7 +42,9 @@ pub struct Damage {
 /// An object that the newest finished run of a pipeline yielded and that is not there.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
+    /// Digest of the object.
     pub digest: Digest,
+    /// Names of the nodes it belongs to.
     pub nodes: Vec<String>,
 }
 
@@ -48,9 +53,13 @@ pub struct Missing {
 pub struct VerifyReport {
     /// How many objects, bytes of objects, recipes and runs were read.
     pub objects: u64,
+    /// Size of all objects that were read.
     pub bytes: u64,
+    /// Number of recipes that were read.
     pub recipes: u64,
+    /// Number of runs that were read.
     pub runs: u64,
+    /// What is damaged and was set aside.
     pub damaged: Vec<Damage>,
     /// Not damage: it is made again when something needs it.
     pub missing: Vec<Missing>,

@@ -13,8 +13,11 @@ use super::walker::Walker;
 /// Agents among the walls of a scene. An agent has the same index as walker and in the simulation.
 #[derive(Debug)]
 pub struct Floor<'s> {
+    /// The map and everything derived from it.
     pub scene: &'s Scene,
+    /// Positions and velocities of all discs.
     pub simulation: Simulation,
+    /// What each agent is up to, in the order of the simulation.
     pub walkers: Vec<Walker>,
     /// Memory of searches for ways.
     pub search: Search,

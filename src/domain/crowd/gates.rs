@@ -23,7 +23,9 @@ pub struct Gates(Grid<bool>);
 /// A point of a way, and the direction of the way there.
 #[derive(Debug, Clone, Copy)]
 pub struct Stride {
+    /// Where it leads to, in meters.
     pub point: Point,
+    /// The direction of the way there.
     pub direction: Point,
 }
 

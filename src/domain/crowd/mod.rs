@@ -37,6 +37,7 @@ use super::orca::OrcaError;
 
 /// What keeps a crowd from walking.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum CrowdError {
     /// A setting is out of its range.
     #[error("`{field}` is {value}: it must be {allowed}")]

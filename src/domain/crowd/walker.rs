@@ -22,7 +22,9 @@ const NOISE_LIMIT: f64 = 6.0;
 /// A place off the way of others, and for whom it was taken.
 #[derive(Debug, Clone)]
 pub struct Aside {
+    /// The way to the place beside.
     pub line: Line,
+    /// Number of the agent that is let through.
     pub for_whom: usize,
     /// Steps since it was taken.
     pub steps: usize,
@@ -31,6 +33,7 @@ pub struct Aside {
 /// A route and how far along it the agent looks: it heads for the furthest point that it has seen.
 #[derive(Debug, Clone)]
 pub struct Line {
+    /// The route that is followed.
     pub route: Route,
     /// Length along the route of the furthest point seen, in meters.
     pub seen: f64,
@@ -130,6 +133,7 @@ pub struct Walker {
     pub slow: f64,
     /// Seconds until the agent looks for another detour.
     pub detour_pause: f64,
+    /// Whether it has reached its goal.
     pub arrived: bool,
     /// Whether the agent is in a narrow place ahead, or about to go in, and others have to wait.
     pub has_entered: bool,

@@ -65,6 +65,7 @@ impl Default for HomeConfig {
 
 /// A parameter that no building can be drawn with.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum HomeError {
     #[error("`{field}` is {value}, but must lie from {low} to {high}")]
     Range { field: &'static str, value: f64, low: f64, high: f64 },

@@ -16,6 +16,7 @@ pub struct Position {
 
 /// What keeps a map from being read.
 #[derive(Debug, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum MapImportError {
     #[error("the YAML of the map is not understood: {message}{}", place(at))]
     Yaml { message: String, at: Option<Position> },

@@ -17,7 +17,9 @@ pub const IGIBSON_RESOLUTION: f64 = 0.01;
 /// A map that was read, and what became of its free floor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Imported {
+    /// The map.
     pub map: OccupancyMap,
+    /// What was found on the way, and how much of it was kept.
     pub survey: Survey,
 }
 

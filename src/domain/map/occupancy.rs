@@ -14,6 +14,7 @@ pub struct OccupancyMap {
 
 /// What makes a grid useless as a map.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum MapError {
     #[error("the map has no free cell")]
     NoFreeSpace,

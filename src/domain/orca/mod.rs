@@ -25,6 +25,7 @@ pub use simulation::Simulation;
 
 /// What ORCA cannot work with.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum OrcaError {
     /// A polygon needs two vertices (a segment) or more.
     #[error("polygon {polygon} has {count} vertices: an obstacle has at least 2")]

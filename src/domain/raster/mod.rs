@@ -54,6 +54,7 @@ pub struct RasterConfig {
 /// What is counted, and what of each agent: a configuration for tracks of one frame rate and radius.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sweep {
+    /// What is counted in a cell.
     pub count: Count,
     /// Radius of the discs in meters.
     pub radius: f64,
@@ -63,6 +64,7 @@ pub struct Sweep {
 
 /// What keeps tracks from being counted.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum RasterError {
     #[error("`radius` is `{0}` m, allowed is above 0 and up to 10")]
     Radius(f64),
@@ -91,7 +93,7 @@ impl RasterConfig {
         }
         // Written so that what is not a number is refused too.
         match self.max_gap {
-            Some(gap) if !(gap >= 0.0 && gap <= 3600.0) => Err(RasterError::Gap(gap)),
+            Some(gap) if !(0.0..=3600.0).contains(&gap) => Err(RasterError::Gap(gap)),
             _ => Ok(()),
         }
     }

@@ -13,6 +13,7 @@ use super::raster::VisitCounts;
 
 /// What keeps a prediction from being scored.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum ScoreError {
     #[error("the {what} has {rows} × {cols} cells, the labels {label_rows} × {label_cols}")]
     SizeMismatch { what: &'static str, rows: usize, cols: usize, label_rows: usize, label_cols: usize },

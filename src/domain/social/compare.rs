@@ -105,6 +105,7 @@ impl SocialCosts {
 /// Where the random orders and the resamples come from; all predictors meet the same ones.
 #[derive(Debug, Clone, Copy)]
 pub struct Draws<'a> {
+    /// Seed of the random numbers.
     pub seed: u64,
     /// Digest of the episodes.
     pub input: &'a [u8; 32],

@@ -2,6 +2,7 @@
 
 /// What keeps episodes from being given a cost.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum SocialError {
     #[error("`{field}` is `{value}` m, allowed is above 0 and up to 100")]
     Range { field: &'static str, value: f64 },

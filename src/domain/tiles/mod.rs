@@ -34,6 +34,7 @@ impl Default for TileConfig {
 
 /// What keeps maps from becoming windows, or windows from becoming maps.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum TileError {
     #[error("`size` is `{0}`, allowed are multiples of 8 from 8 to 512")]
     Size(u32),

@@ -29,6 +29,7 @@ pub use trainer::{BatchReport, EpochMetrics, TrainConfig, TrainState, Trainer};
 
 /// What keeps a network from being trained or applied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum UnetError {
     #[error("`{field}` is `{value}`, allowed are {allowed}")]
     Range { field: &'static str, value: String, allowed: &'static str },

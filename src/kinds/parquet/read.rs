@@ -305,7 +305,9 @@ fn key_values(opened: &ArrowReaderMetadata) -> BTreeMap<String, String> {
 /// How large a Parquet file is, told by its footer alone.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Outline {
+    /// Number of rows that the file claims to have.
     pub rows: u64,
+    /// What stands beside the table, by key.
     pub metadata: BTreeMap<String, String>,
 }
 
@@ -327,9 +329,11 @@ impl Outline {
 
 /// A Parquet file of whatever kind, as people look at it.
 pub struct AnyTable {
+    /// Names and types of the columns.
     pub schema: SchemaRef,
     /// Metadata by key; of our own files `kind`, `format`, `units` and what the kind adds.
     pub metadata: BTreeMap<String, String>,
+    /// The rows, some at a time.
     pub batches: Vec<RecordBatch>,
 }
 

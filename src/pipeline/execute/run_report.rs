@@ -19,9 +19,11 @@ pub struct RunReport {
 /// A node that failed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Failure {
+    /// Name of the node.
     pub node: String,
     /// A fragment with its causes.
     pub message: String,
+    /// What helps against that.
     pub help: Option<String>,
     /// Whether it failed because the store is damaged.
     pub damaged: bool,

@@ -11,6 +11,7 @@ use crate::store::NodeName;
 pub struct Pipeline {
     /// The file's `name:`, or else its stem.
     pub name: String,
+    /// The file as it was named.
     pub file: PathBuf,
     /// The text of the file, below the settings as comments.
     pub source: String,
@@ -25,6 +26,7 @@ pub struct Pipeline {
 /// A named group of maps.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct MapGroup {
+    /// Name of the group.
     pub name: String,
     /// Positions in [`Pipeline::nodes`].
     pub members: Vec<usize>,
@@ -37,6 +39,7 @@ pub struct Node {
     pub name: NodeName,
     /// The map's name, if the node is mapped or is a map.
     pub member: Option<Arc<str>>,
+    /// What is the same for every use of its stage.
     pub spec: &'static StageSpec,
     /// The parameters; the nodes of one mapped stage share them.
     pub stage: Arc<dyn Stage>,
@@ -49,13 +52,17 @@ pub struct Node {
 /// What feeds a port.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Connection {
+    /// Name of the port.
     pub port: &'static str,
+    /// What feeds it.
     pub wire: Wire,
 }
 
 /// One node, or the members of a group, as positions in [`Pipeline::nodes`].
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Wire {
+    /// One node.
     One(usize),
+    /// The members of a group, in order of their names.
     Group(Arc<[usize]>),
 }

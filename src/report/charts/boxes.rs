@@ -5,6 +5,7 @@ use super::svg::{Anchor, Svg, wide};
 /// One box of a plot.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BoxRow {
+    /// What the row is called.
     pub name: String,
     /// Values between 0 and 1.
     pub values: Vec<f64>,

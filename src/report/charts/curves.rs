@@ -8,6 +8,7 @@ use super::svg::{Anchor, Svg, short};
 /// One curve.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Line {
+    /// What the line is called.
     pub name: String,
     /// Pairs (x, y), x rising.
     pub points: Vec<(f64, f64)>,

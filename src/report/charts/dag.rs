@@ -9,6 +9,7 @@ use super::svg::{Anchor, Svg, short};
 /// A stage of a pipeline, over however many maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct StageBox {
+    /// Name of the stage.
     pub name: String,
     /// What is written below the name.
     pub uses: String,
@@ -16,6 +17,7 @@ pub struct StageBox {
     pub note: String,
     /// How long they took.
     pub time: String,
+    /// How many of its nodes fared how.
     pub counts: Counts,
     /// Positions of the stages it reads.
     pub inputs: Vec<usize>,

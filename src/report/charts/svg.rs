@@ -13,8 +13,11 @@ pub struct Svg {
 /// Where a text stands to its point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Anchor {
+    /// At the start of the text.
     Start,
+    /// In the middle of the text.
     Middle,
+    /// At the end of the text.
     End,
 }
 

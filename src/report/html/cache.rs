@@ -10,6 +10,7 @@ const RENDERER: u32 = 3;
 /// A piece of HTML.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Fragment {
+    /// The text.
     pub html: String,
     /// Whether everything that belongs here could be read; only then it is kept.
     pub whole: bool,

@@ -7,6 +7,7 @@ use crate::store::{Role, Run, RunNode};
 /// The nodes of a run and who reads whom.
 #[derive(Debug)]
 pub struct Lineage<'r> {
+    /// The run whose nodes they are.
     pub run: &'r Run,
     index: BTreeMap<&'r str, usize>,
 }
