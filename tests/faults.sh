@@ -48,7 +48,9 @@ broke() {
 # run [SETTINGS…]: runs the pipeline on the store; its exit code is in `code`.
 run() {
     code=0
-    timeout 120 "$@" "$trodden" --store store --json run small.yaml --jobs 1 "${settings[@]}" >stdout.txt 2>stderr.txt || code=$?
+    # bash has a word of its own for each that is killed.
+    { timeout 120 "$@" "$trodden" --store store --json run small.yaml --jobs 1 "${settings[@]}" >stdout.txt 2>stderr.txt; } \
+        2>shell.txt || code=$?
 }
 
 # digests: the nodes that the last run made or found, with their digests.

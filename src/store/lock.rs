@@ -97,9 +97,15 @@ fn got(attempt: Result<(), TryLockError>) -> io::Result<bool> {
     }
 }
 
-/// Opens the file of a lock that is there. Some network file systems lock only what is open for writing.
+/// Opens the file of a lock that is there. Some network file systems lock only what is open for writing; where nobody may
+/// write, reading must do.
 pub(super) fn open_existing(path: &Path) -> io::Result<File> {
-    OpenOptions::new().read(true).write(true).open(path)
+    match OpenOptions::new().read(true).write(true).open(path) {
+        Err(error) if matches!(error.kind(), io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem) => {
+            File::open(path)
+        }
+        opened => opened,
+    }
 }
 
 /// Tells whether a path still names an open file: whoever had the lock before may have removed it since it was opened.

@@ -34,6 +34,7 @@ mod error;
 mod file;
 mod latest;
 mod lock;
+mod machine;
 mod naming;
 mod node_name;
 mod object;

@@ -14,6 +14,7 @@ use super::bounded::read_bounded;
 use super::error::failed;
 use super::file::sync_folder;
 use super::lock::{open_existing, open_lock, try_lock, uninterrupted, wait};
+use super::machine::Machine;
 use super::{Digest, Key, StoreError};
 
 /// Length of a pin: what it is, and 32 bytes of digest.
@@ -213,40 +214,6 @@ fn beat(pins: &Arc<File>) -> Sender<()> {
     heart
 }
 
-/// A machine since it was started: only within it one sees who has a lock, on whatever file system.
-#[derive(Debug, Clone, PartialEq, Eq)]
-struct Machine {
-    host: String,
-    /// Another one after each start; empty where the system has none.
-    boot: String,
-}
-
-impl Machine {
-    fn this() -> Self {
-        let read = |path| fs::read_to_string(path).map_or_else(|_| String::new(), |text| text.trim().to_owned());
-        Self { host: read("/proc/sys/kernel/hostname"), boot: read("/proc/sys/kernel/random/boot_id") }
-    }
-
-    fn to_text(&self) -> String {
-        format!("{}\n{}\n", self.boot, self.host)
-    }
-
-    /// Reads what a session has written; a session of an older version has written nothing.
-    fn from_text(text: &str) -> Self {
-        let mut lines = text.lines().map(str::to_owned);
-        let boot = lines.next().unwrap_or_default();
-        Self { boot, host: lines.next().unwrap_or_default() }
-    }
-
-    /// Tells whether the locks of one are seen by the other; containers of one machine have several names.
-    fn sees(&self, other: &Self) -> bool {
-        match (self.boot.is_empty(), other.boot.is_empty()) {
-            (false, false) => self.boot == other.boot,
-            _ => self.host.is_empty() || other.host.is_empty() || self.host == other.host,
-        }
-    }
-}
-
 /// Removes what dead processes were writing, unless somebody is pinning just now: then it is the next one's turn.
 fn remove_dead(root: &Path, gate: &Gate) {
     if let Some(_closed) = gate.try_close()
@@ -359,22 +326,6 @@ mod tests {
         assert_eq!(pins.objects.len(), 1, "what the living one relies on");
         drop(Store::open(root).expect("opens"));
         assert!(young.exists() && dead.iter().all(|folder| !folder.exists()));
-    }
-
-    #[test]
-    fn machines_are_told_apart_by_their_start() {
-        let machine = |boot: &str, host: &str| Machine { boot: boot.to_owned(), host: host.to_owned() };
-        let check = |one: Machine, other: Machine, expected| {
-            assert_eq!((one.sees(&other), other.sees(&one)), (expected, expected), "{one:?} {other:?}");
-        };
-        check(machine("1", "a"), machine("1", "a"), true);
-        check(machine("1", "a"), machine("1", "container"), true);
-        check(machine("1", "a"), machine("2", "a"), false);
-        check(machine("", "a"), machine("", "b"), false);
-        check(machine("", "a"), machine("2", "a"), true);
-        check(machine("1", "a"), machine("", ""), true);
-        let this = Machine::this();
-        assert_eq!(Machine::from_text(&this.to_text()), this);
     }
 
     #[test]
