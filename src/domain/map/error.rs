@@ -2,7 +2,7 @@
 
 use image::ImageError;
 
-use super::config::MapForm;
+use super::form::MapForm;
 use super::occupancy::MapError;
 
 /// A place in a text, both counted from 1.

@@ -2,8 +2,9 @@
 //!
 //! What stands in a file is first classified pixel by pixel, then resampled, and the regions that are wanted are kept.
 
-use super::config::{ImportConfig, MapForm};
+use super::config::ImportConfig;
 use super::error::MapImportError;
+use super::form::MapForm;
 use super::indoors::{Survey, choose};
 use super::occupancy::{MapError, OccupancyMap};
 use super::picture::{Picture, Pixel, Shade, flipped};

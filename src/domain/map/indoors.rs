@@ -1,7 +1,8 @@
 //! Which of a picture's separate regions of free floor are the building's: not the paper around it.
 
-use super::config::{MapForm, Region};
+use super::config::Region;
 use super::error::MapImportError;
+use super::form::MapForm;
 use super::occupancy::OccupancyMap;
 use super::regions::regions;
 use crate::domain::geometry::{Cell, Frame, Grid, Point};

@@ -3,6 +3,7 @@
 mod config;
 mod distance;
 mod error;
+mod form;
 mod import;
 mod indoors;
 mod occupancy;
@@ -12,17 +13,20 @@ mod ratio;
 mod regions;
 mod resample;
 mod ros;
+mod samples;
 mod separation;
 
-pub use config::{ImportConfig, MapForm, Region};
+pub use config::{ImportConfig, Region};
 pub use distance::squared_distances;
 pub use error::{MapImportError, Position};
+pub use form::MapForm;
 pub use import::{
     IGIBSON_RESOLUTION, Imported, igibson_floor, igibson_image, import_igibson, import_image, import_ros,
 };
 pub use indoors::Survey;
 pub use occupancy::{MapError, OccupancyMap};
-pub use picture::{DECODER_THREAD, MOST_PIXELS, is_image};
+pub use picture::{DECODER_THREAD, is_image};
 pub use regions::{neighbors4, regions};
 pub use resample::refined;
 pub use ros::{MapYaml, Mode};
+pub use samples::MOST_PIXELS;

@@ -7,10 +7,8 @@ use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageRea
 
 use super::error::MapImportError;
 use super::pnm;
+use super::samples::{MOST_PIXELS, Samples};
 use crate::domain::geometry::{Cell, Grid};
-
-/// The most pixels that an image, and the most cells that an imported grid, may have.
-pub const MOST_PIXELS: u64 = 400_000_000;
 
 /// The name of the thread that decodes images: what panics there is reported as an error, so nobody need print it.
 pub const DECODER_THREAD: &str = "image decoder";
@@ -40,13 +38,6 @@ pub(super) struct Shade {
     pub alpha: u8,
     /// Whether it is the gray that `map_saver` writes for unknown space, however the image encodes that.
     pub marked: bool,
-}
-
-/// Gray values of up to 8 or up to 16 bits.
-#[derive(Debug)]
-pub(super) enum Samples {
-    Bytes(Vec<u8>),
-    Deep(Vec<u16>),
 }
 
 /// A decoded image.

@@ -1,7 +1,7 @@
 //! PGM: gray images as `map_saver` writes them, with whatever largest value and with comments anywhere in the header.
 
 use super::error::MapImportError;
-use super::picture::{MOST_PIXELS, Samples};
+use super::samples::{MOST_PIXELS, Samples};
 
 /// The rows of a gray image, not yet scaled to 8 bits.
 pub(super) struct Pgm {

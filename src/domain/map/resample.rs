@@ -1,8 +1,9 @@
 //! Pixels into cells of another size, by position.
 
 use super::error::MapImportError;
-use super::picture::{MOST_PIXELS, Pixel};
+use super::picture::Pixel;
 use super::ratio::Ratio;
+use super::samples::MOST_PIXELS;
 use super::separation::{Count, Spans, separate};
 use crate::domain::geometry::{Cell, Frame, Grid};
 
