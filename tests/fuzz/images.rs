@@ -14,13 +14,13 @@ const ROWS: usize = 20;
 pub fn target(name: &str) -> Option<Target> {
     let ros = |mode: &str| {
         let text = format!(
-            "image: a.png\nresolution: 0.05\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n\
+            "image: a.png\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n\
              mode: {mode}\n"
         );
         MapYaml::parse(&text).expect("a good description")
     };
     let modes = ["trinary", "scale", "raw"].map(ros);
-    let config = ImportConfig { image_resolution: Some(0.05), ..ImportConfig::default() };
+    let config = ImportConfig { image_resolution: Some(0.1), ..ImportConfig::default() };
     let run = move |input: &[u8]| {
         let ros = modes.iter().filter(|mode| import_ros(mode, input, &ImportConfig::default()).is_ok()).count();
         let igibson = import_igibson(input, &ImportConfig::default()).is_ok();
@@ -69,7 +69,7 @@ fn pgms() -> Vec<Vec<u8>> {
         [header("P2", 255), texts.join(" ")].concat().into_bytes(),
         [header("P6", 255).into_bytes(), colors].concat(),
         [format!("P1\n{COLS} {ROWS}\n").into_bytes(), bits].concat(),
-        [format!("P4\n{COLS} {ROWS}\n").into_bytes(), vec![0x5a; COLS.div_ceil(8) * ROWS]].concat(),
+        [format!("P4\n{COLS} {ROWS}\n").into_bytes(), vec![0; COLS.div_ceil(8) * ROWS]].concat(),
         [
             format!("P7\nWIDTH {COLS}\nHEIGHT {ROWS}\nDEPTH 2\nMAXVAL 255\nTUPLTYPE GRAYSCALE_ALPHA\nENDHDR\n")
                 .into_bytes(),
@@ -130,15 +130,19 @@ fn pngs() -> Vec<Vec<u8>> {
         let line = (COLS * channels * usize::from(depth)).div_ceil(8);
         let mut raw = Vec::new();
         for row in 0..ROWS {
-            raw.push((row % 5) as u8);
-            raw.extend((0..line).map(|at| if row % 5 == 0 { gray(row, at * COLS / line) } else { 0 }));
+            // Every other row as it is, the next one by its difference to the one above: none.
+            let (filter, shown) = if row % 2 == 0 { (0, 0xff) } else { (2, 0) };
+            raw.push(filter);
+            let white = |value: u8| if depth < 8 && value > 205 { 0xff } else { value };
+            raw.extend((0..line).map(|at| white(gray(row, at * COLS / line)) & shown));
         }
         let mut chunks: Vec<Chunk> = vec![(*b"IHDR", header.concat())];
         if color == 3 {
-            chunks.push((*b"PLTE", (0..3usize << depth.min(4)).map(|at| (at * 5) as u8).collect()));
-            chunks.push((*b"tRNS", vec![255, 0, 128]));
+            let last = (1usize << depth) - 1;
+            chunks.push((*b"PLTE", (0..3 * (last + 1)).map(|at| (at / 3 * 255 / last) as u8).collect()));
+            chunks.push((*b"tRNS", vec![0]));
         } else if color == 0 {
-            chunks.push((*b"tRNS", vec![0, 205]));
+            chunks.push((*b"tRNS", vec![0, 0]));
         }
         chunks.push((*b"gAMA", vec![0, 0, 0xb1, 0x8f]));
         chunks.push((*b"pHYs", vec![0, 0, 0x0b, 0x13, 0, 0, 0x0b, 0x13, 1]));

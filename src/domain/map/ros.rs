@@ -79,8 +79,8 @@ impl MapYaml {
             MapImportError::Yaml { message: message(&error.to_string()), at }
         })?;
         let resolution =
-            number("resolution", &written.resolution, "a number of meters above 0 and at most 1000", |value| {
-                value > 0.0 && value <= 1000.0
+            number("resolution", &written.resolution, "a number of meters from 0.00001 to 1000", |value| {
+                (1e-5..=1000.0).contains(&value)
             })?;
         let share = |field, value| number(field, value, "a number from 0 to 1", |value| (0.0..=1.0).contains(&value));
         let occupied = share("occupied_thresh", &written.occupied_thresh)?;
@@ -316,13 +316,14 @@ free_thresh: 0.196
         check(
             "0.050000",
             "coarse",
-            "`resolution` must be a number of meters above 0 and at most 1000, not `coarse`",
+            "`resolution` must be a number of meters from 0.00001 to 1000, not `coarse`",
             2,
             13,
         );
         check("0.050000", "0,05", "not `0,05`", 2, 13);
-        check("0.050000", ".nan", "`resolution` must be a number of meters above 0", 2, 13);
-        check("0.050000", "0", "`resolution` must be a number of meters above 0", 2, 13);
+        check("0.050000", ".nan", "`resolution` must be a number of meters from 0.00001 to 1000", 2, 13);
+        check("0.050000", "5e-324", "`resolution` must be a number of meters from 0.00001 to 1000", 2, 13);
+        check("0.050000", "0", "`resolution` must be a number of meters from 0.00001 to 1000", 2, 13);
         check("0.050000", "-0.05", "not `-0.05`", 2, 13);
         check("0.050000", ".inf", "not `.inf`", 2, 13);
         check("-12, 0.000000", "-12", "`origin` must be three finite numbers, [x, y, yaw], not `[-12.5, -12]`", 3, 9);
