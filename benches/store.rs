@@ -87,10 +87,10 @@ fn filled(count: usize) -> Filled {
         started: "2026-01-02T03:04:05Z".to_owned(),
         wall_s: 1.0,
         status: RunStatus::Finished,
-        keep: false,
         nodes,
         warnings: Vec::new(),
         version: "0.1.0".to_owned(),
+        ..Run::default()
     };
     store.write_run(&run).expect("writes");
     store.link_latest("homes", &links).expect("links");
@@ -141,7 +141,9 @@ fn nothing_to_do(criterion: &mut Criterion) {
                 }
             });
         });
-        group.bench_function("latest_run", |bencher| bencher.iter(|| store.latest_run("homes", true).expect("reads")));
+        group.bench_function("latest_run", |bencher| {
+            bencher.iter(|| store.latest_run("homes", None, true).expect("reads"))
+        });
         group.bench_function("link_latest", |bencher| {
             bencher.iter(|| store.link_latest("homes", &filled.links).expect("links"));
         });

@@ -51,10 +51,8 @@ impl Maker {
             started: "2026-01-02T00:00:00Z".to_owned(),
             wall_s: 75.3,
             status: RunStatus::Finished,
-            keep: false,
-            nodes: Vec::new(),
-            warnings: Vec::new(),
             version: "0.1.0".to_owned(),
+            ..Run::default()
         };
         Self { _folder: folder, store, run }
     }

@@ -2,39 +2,57 @@
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::time::Duration;
 
 use super::error::CliError;
+use super::request::age;
 use super::screen::{Screen, bytes};
-use crate::store::{Collected, Freed, Store};
+use crate::store::{Collect, Collected, Freed, Store};
 
 /// Arguments of `gc`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "Kept is what the newest finished run of each pipeline and every run marked by `trodden keep` reaches; of the epochs of a training only the last.
+    after_help = "Kept is what these runs reach: of each pipeline (a name and a file) the newest run that finished everything and the newest run of any kind, so that an interrupted, failed or killed one goes on where it was; every run that is going on; every run marked by `trodden keep`. Of the epochs of a finished training only the last is kept. What is younger than a day is kept, too.
+
+On a terminal it shows what would go and asks; elsewhere it does not ask. Records and reports of runs stay: see `trodden runs prune`.
 
 Examples:
-  trodden gc --dry-run    what would go
-  trodden gc              the same, and then it goes"
+  trodden gc --dry-run          what would go
+  trodden gc                    the same, a question, and then it goes
+  trodden gc --older-than 0s    whatever its age, for example when the disk is full"
 )]
 pub struct Args {
-    /// Only show what would go.
+    /// Only show what would go; writes nothing.
     #[arg(long)]
     dry_run: bool,
+    /// Keep what is younger: `30m`, `12h`, `1d`, `2w`; `0s` keeps nothing for its age.
+    #[arg(long, value_name = "AGE", default_value = "1d", value_parser = age)]
+    older_than: Duration,
+    /// Do not ask.
+    #[arg(long, short)]
+    yes: bool,
 }
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let store = Store::open_existing(store)?;
-        let planned = store.collect(true)?;
-        if screen.json() {
-            let done = if self.dry_run { planned } else { store.collect(false)? };
-            screen.object(&json(&done, self.dry_run))?;
-            return Ok(ExitCode::SUCCESS);
+        let asked = |dry_run| Collect { dry_run, older_than: self.older_than };
+        let planned = store.collect(&asked(true))?;
+        if !screen.json() {
+            describe(&planned, screen)?;
         }
-        describe(&planned, screen)?;
-        if !self.dry_run && total(&planned).files > 0 {
-            let done = store.collect(false)?;
-            screen.line(format!("freed {}", bytes(total(&done).bytes)))?;
+        let goes = !self.dry_run && planned.files() > 0;
+        let done = if goes && (self.yes || screen.ask(&format!("free {}?", bytes(planned.bytes())))?) {
+            let done = store.collect(&asked(false))?;
+            if !screen.json() {
+                screen.line(format!("freed {}", bytes(done.bytes())))?;
+            }
+            Some(done)
+        } else {
+            None
+        };
+        if screen.json() {
+            screen.object(&json(done.as_ref().unwrap_or(&planned), done.is_none()))?;
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -47,24 +65,25 @@ fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {
         }
         screen.line(format!("{:>7} {what}, {}", freed.files, bytes(freed.bytes)))
     };
-    let all = total(planned);
-    screen.line(if all.files == 0 {
+    screen.line(if planned.files() == 0 {
         "nothing to free".to_owned()
     } else {
-        format!("would free {}:", bytes(all.bytes))
+        format!("would free {}:", bytes(planned.bytes()))
     })?;
     line("objects", &planned.objects)?;
     line("recipes", &planned.recipes)?;
     line("temporary files", &planned.temporary)?;
     line("damaged files", &planned.damaged)?;
-    line("files of older runs", &planned.runs)?;
+    line("files of runs without a record", &planned.runs)?;
     line("cached pictures of reports", &planned.cache)?;
     let kept = if planned.kept_runs.is_empty() { "no run".to_owned() } else { planned.kept_runs.join(", ") };
-    screen.line(format!("keeps {} files, {}, for {kept}", planned.kept.files, bytes(planned.kept.bytes)))
-}
-
-fn total(collected: &Collected) -> Freed {
-    Freed { files: collected.files(), bytes: collected.bytes() }
+    screen.line(format!("keeps {} files, {}, for {kept}", planned.kept.files, bytes(planned.kept.bytes)))?;
+    if planned.young.files > 0 {
+        let Freed { files, bytes: size } = planned.young;
+        let size = bytes(size);
+        screen.line(format!("{files} files, {size}, are kept only for their age: see `--older-than`"))?;
+    }
+    Ok(())
 }
 
 fn json(collected: &Collected, dry_run: bool) -> serde_json::Value {
@@ -78,6 +97,7 @@ fn json(collected: &Collected, dry_run: bool) -> serde_json::Value {
         "runs": part(&collected.runs),
         "cache": part(&collected.cache),
         "kept": part(&collected.kept),
+        "young": part(&collected.young),
         "kept_runs": collected.kept_runs,
     })
 }

@@ -5,6 +5,7 @@ use std::process::ExitCode;
 
 use super::error::CliError;
 use super::request::find_run;
+use super::runs;
 use super::screen::{Screen, bytes, columns};
 use crate::store::{Role, RunNode, RunSummary, Store};
 
@@ -35,15 +36,7 @@ impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let store = Store::open_existing(store)?;
         if self.runs {
-            let runs = store.runs()?;
-            if screen.json() {
-                for run in &runs {
-                    screen.object(run)?;
-                }
-            } else {
-                screen.line(run_table(&runs))?;
-            }
-            return Ok(ExitCode::SUCCESS);
+            return runs::list(&store, screen);
         }
         let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref())?;
         let prefix = self.prefix.as_deref().unwrap_or_default();
@@ -86,11 +79,20 @@ fn word(value: &impl serde::Serialize) -> String {
     serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
 }
 
-/// A table of runs.
+/// A table of runs. Pipelines of one name are told apart by their files; what was set and asked for stands at the end.
 pub(super) fn run_table(runs: &[RunSummary]) -> String {
+    let name = |run: &RunSummary| {
+        let mut of_name = runs.iter().filter(|other| other.pipeline == run.pipeline);
+        let alone = of_name.all(|other| other.is_same_pipeline(run) || run.is_same_pipeline(other));
+        if alone { run.pipeline.clone() } else { format!("{} ({})", run.pipeline, run.file) }
+    };
+    let asked = |run: &RunSummary| {
+        let sets = run.sets.iter().map(|set| format!("--set {set}"));
+        sets.chain(run.only.iter().map(|node| format!("--only {node}"))).collect::<Vec<_>>().join(" ")
+    };
     let row = |run: &RunSummary| {
         vec![
-            run.pipeline.clone(),
+            name(run),
             run.id.clone(),
             word(&run.status) + if run.keep { ", kept" } else { "" },
             run.ran.to_string(),
@@ -98,8 +100,14 @@ pub(super) fn run_table(runs: &[RunSummary]) -> String {
             run.failed.to_string(),
             run.skipped.to_string(),
             format!("{:.2} s", run.wall_s),
+            asked(run),
         ]
     };
-    let header = ["pipeline", "run", "status", "ran", "hit", "failed", "skipped", "time"];
-    columns(&header, &runs.iter().map(row).collect::<Vec<_>>())
+    let mut header = vec!["pipeline", "run", "status", "ran", "hit", "failed", "skipped", "time", "asked for"];
+    let mut rows: Vec<Vec<String>> = runs.iter().map(row).collect();
+    if rows.iter().all(|row| row.last().is_some_and(String::is_empty)) {
+        header.pop();
+        rows.iter_mut().for_each(|row| drop(row.pop()));
+    }
+    columns(&header, &rows)
 }

@@ -16,6 +16,7 @@ mod plan;
 mod report;
 mod request;
 mod run;
+mod runs;
 mod schema;
 mod screen;
 mod show;
@@ -74,6 +75,8 @@ enum Command {
     Status(status::Args),
     /// List runs, or the nodes and artifacts of a run.
     Ls(ls::Args),
+    /// List runs, or remove the records of old ones.
+    Runs(runs::Args),
     /// Show an artifact: a raster as a picture, a table as a table.
     Show(show::Args),
     /// Ask the artifacts in SQL: `SELECT * FROM 'labels/home_00' LIMIT 5`.
@@ -146,6 +149,7 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Why(args) => args.run(store, screen),
         Command::Status(args) => args.run(store, screen),
         Command::Ls(args) => args.run(store, screen),
+        Command::Runs(args) => args.run(store, screen),
         Command::Show(args) => args.run(store, screen),
         Command::Sql(args) => args.run(store, screen),
         Command::Diff(args) => args.run(store, screen),

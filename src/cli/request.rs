@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 use clap::Args;
 
@@ -43,6 +44,16 @@ pub fn load(file: &Path, sets: &[String]) -> Result<Pipeline, CliError> {
     Ok(spec::load(&spec::Request { file, sets, variables: &variables, register: &REGISTER })?)
 }
 
+/// Reads an age such as `30m`, `12h`, `1d` or `0s`.
+pub fn age(text: &str) -> Result<Duration, String> {
+    const UNITS: &[(&str, u64)] = &[("s", 1), ("m", 60), ("h", 3600), ("d", 24 * 3600), ("w", 7 * 24 * 3600)];
+    let digits = text.len() - text.trim_start_matches(|c: char| c.is_ascii_digit()).len();
+    let (number, unit) = text.split_at(digits);
+    let seconds = UNITS.iter().find(|(name, _)| *name == unit).map(|(_, seconds)| *seconds);
+    let seconds = seconds.and_then(|seconds| number.parse::<u64>().ok()?.checked_mul(seconds));
+    seconds.map(Duration::from_secs).ok_or_else(|| "expected a number with s, m, h, d or w, such as `12h`".to_owned())
+}
+
 /// What a plan is held against: a store, or nothing where none is yet. Looking makes none.
 #[derive(Debug)]
 pub struct Known(Option<Store>);
@@ -60,12 +71,14 @@ impl Known {
         }
     }
 
-    /// Returns the newest run of a pipeline.
+    /// Returns the newest run of a pipeline: of its name and its file.
     ///
     /// # Errors
     /// [`CliError::Store`] if its record cannot be read.
-    pub fn latest_run(&self, pipeline: &str) -> Result<Option<Run>, CliError> {
-        Ok(self.0.as_ref().map(|store| store.latest_run(pipeline, false)).transpose()?.flatten())
+    pub fn latest_run(&self, pipeline: &Pipeline) -> Result<Option<Run>, CliError> {
+        let path = std::fs::canonicalize(&pipeline.file).unwrap_or_else(|_| pipeline.file.clone());
+        let of = |store: &Store| store.latest_run(&pipeline.name, Some(&path.display().to_string()), false);
+        Ok(self.0.as_ref().map(of).transpose()?.flatten())
     }
 }
 
@@ -95,7 +108,7 @@ impl Lookups for Known {
 pub fn find_run(store: &Store, pipeline: Option<&str>, id: Option<&str>) -> Result<Run, CliError> {
     match (id, pipeline) {
         (Some(id), _) => Ok(store.run(id)?),
-        (None, Some(pipeline)) => store.latest_run(pipeline, false)?.ok_or_else(|| {
+        (None, Some(pipeline)) => store.latest_run(pipeline, None, false)?.ok_or_else(|| {
             CliError::advised(
                 format!("no run of the pipeline `{pipeline}` is on record"),
                 "`trodden status` lists what there is",
@@ -128,4 +141,22 @@ pub fn find_node<'a>(run: &'a Run, name: &str) -> Result<&'a RunNode, CliError> 
         Some(help) => CliError::advised(message, help),
         None => CliError::request(message),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ages_have_units() {
+        let check = |text: &str, seconds| assert_eq!(age(text).ok().map(|age| age.as_secs()), seconds, "{text}");
+        check("0s", Some(0));
+        check("30m", Some(1800));
+        check("12h", Some(43_200));
+        check("1d", Some(86_400));
+        check("2w", Some(1_209_600));
+        for text in ["", "1", "d", "1.5d", "-1d", "1 d", "1y", "99999999999999999999s", "9999999999999999999w"] {
+            check(text, None);
+        }
+    }
 }

@@ -91,7 +91,11 @@ impl Args {
         if self.keep {
             store.mark_keep(&report.run.id, true)?;
         }
-        let page = html::write(&store, &report.run).map_err(CliError::from);
+        // A run with nothing to do has nothing new to show.
+        let page = match store.share_report(&report.run) {
+            Some(path) => Ok(path),
+            None => html::write(&store, &report.run).map_err(CliError::from),
+        };
         let told = match last {
             Some(event) if screen.json() => screen.object(&Ended::new(&event, &page)),
             Some(event) => {
@@ -149,7 +153,7 @@ fn finish(report: &RunReport, screen: &Screen) -> ExitCode {
     }
     match report.run.status {
         RunStatus::Finished => ExitCode::SUCCESS,
-        RunStatus::Interrupted => ExitCode::from(130),
+        RunStatus::Interrupted | RunStatus::Running | RunStatus::Killed => ExitCode::from(130),
         RunStatus::Failed if report.failures.iter().any(|failure| failure.damaged) => ExitCode::from(3),
         RunStatus::Failed => ExitCode::from(1),
     }

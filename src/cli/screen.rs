@@ -80,6 +80,21 @@ impl Screen {
         io::stdout().flush().map_err(CliError::output)
     }
 
+    /// Asks a question on the terminal; where nobody can answer, what was asked for is meant.
+    ///
+    /// # Errors
+    /// If the answer cannot be read.
+    pub fn ask(&self, question: &str) -> Result<bool, CliError> {
+        if !io::stdin().is_terminal() || !io::stderr().is_terminal() {
+            return Ok(true);
+        }
+        let _ = write!(io::stderr().lock(), "{question} [y/N] ");
+        let mut answer = String::new();
+        let read = io::stdin().read_line(&mut answer);
+        read.map_err(|source| CliError::File { action: "read", path: "stdin".into(), source })?;
+        Ok(matches!(answer.trim().to_lowercase().as_str(), "y" | "yes"))
+    }
+
     /// Prints a remark to stderr.
     pub fn remark(&self, text: impl AsRef<str>) {
         self.complain(text.as_ref());

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use super::error::CliError;
 use super::ls::run_table;
 use super::screen::{Screen, bytes};
-use crate::store::{RunSummary, Store};
+use crate::store::{RunStatus, RunSummary, Store};
 
 /// Arguments of `status`.
 #[derive(Debug, clap::Args)]
@@ -17,7 +17,7 @@ impl Args {
         let store = Store::open_existing(store)?;
         let mut newest: Vec<RunSummary> = Vec::new();
         for run in store.runs()? {
-            if newest.iter().all(|other| other.pipeline != run.pipeline) {
+            if !newest.iter().any(|newer| run.is_same_pipeline(newer)) {
                 newest.push(run);
             }
         }
@@ -41,6 +41,12 @@ impl Args {
         ))?;
         for summary in &newest {
             let run = store.run(&summary.id)?;
+            if run.status == RunStatus::Killed {
+                screen.line(format!(
+                    "{}: its process ended before the run did; what it had finished is kept, the same command goes on",
+                    run.pipeline
+                ))?;
+            }
             for node in run.nodes.iter().filter(|node| node.error.is_some()) {
                 screen.line(format!(
                     "{}: `{}` failed: {}",

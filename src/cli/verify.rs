@@ -10,7 +10,9 @@ use crate::store::{Damaged, Store, VerifyReport};
 /// Arguments of `verify`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "What is damaged is set aside in the folder `damaged` of the store; the next run that needs it makes it again. The exit code is 3 if anything was damaged."
+    after_help = "What is damaged is set aside in the folder `damaged` of the store; the next run that needs it makes it again. What cannot be read is read again and, if that fails, too, named and left where it is. Missing is what runs that `trodden gc` keeps have made and what is not there.
+
+Exit codes: 0 all is well or can be made again, 1 something could not be read, 3 something was damaged."
 )]
 pub struct Args {}
 
@@ -23,7 +25,11 @@ impl Args {
         } else {
             describe(&report, screen)?;
         }
-        Ok(if report.damaged.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(3) })
+        Ok(match (report.is_clean(), report.unreadable.is_empty()) {
+            (false, _) => ExitCode::from(3),
+            (true, false) => ExitCode::from(1),
+            (true, true) => ExitCode::SUCCESS,
+        })
     }
 }
 
@@ -32,6 +38,7 @@ fn name(what: &Damaged) -> String {
         Damaged::Object(digest) => format!("object {digest:?}"),
         Damaged::Recipe(key) => format!("recipe {key:?}"),
         Damaged::Run(id) => format!("record of the run {id}"),
+        Damaged::Sources => "record of source files".to_owned(),
         Damaged::Stray(path) => format!("`{}`, which is not the store's", path.display()),
     }
 }
@@ -49,15 +56,24 @@ fn describe(report: &VerifyReport, screen: &Screen) -> Result<(), CliError> {
     for missing in &report.missing {
         screen.line(format!("missing: object {:?}{}", missing.digest, of(&missing.nodes)))?;
     }
+    for unread in &report.unreadable {
+        screen.line(format!("cannot be read: `{}`: {}", unread.path.display(), unread.error))?;
+    }
+    for path in &report.newer {
+        screen.line(format!("of a newer version, left alone: `{}`", path.display()))?;
+    }
     screen.line(format!(
         "read {}, {}, {}, {}: {}",
         counted(report.objects, "object"),
         bytes(report.bytes),
         counted(report.recipes, "recipe"),
         counted(report.runs, "run"),
-        match (report.damaged.len(), report.missing.len()) {
-            (0, 0) => "all is well".to_owned(),
-            (damaged, missing) => format!("{damaged} damaged, {missing} missing; the next run makes them again"),
+        match (report.damaged.len(), report.missing.len(), report.unreadable.len()) {
+            (0, 0, 0) => "all is well".to_owned(),
+            (damaged, missing, 0) => format!("{damaged} damaged, {missing} missing; the next run makes them again"),
+            (damaged, missing, unread) => {
+                format!("{damaged} damaged, {missing} missing, {unread} cannot be read: look at the disk")
+            }
         }
     ))
 }
@@ -78,6 +94,11 @@ fn json(report: &VerifyReport) -> serde_json::Value {
         .iter()
         .map(|missing| serde_json::json!({ "digest": missing.digest, "nodes": missing.nodes }))
         .collect();
+    let unreadable: Vec<_> = report
+        .unreadable
+        .iter()
+        .map(|unread| serde_json::json!({ "path": unread.path, "error": unread.error }))
+        .collect();
     serde_json::json!({
         "objects": report.objects,
         "bytes": report.bytes,
@@ -85,6 +106,8 @@ fn json(report: &VerifyReport) -> serde_json::Value {
         "runs": report.runs,
         "damaged": damaged,
         "missing": missing,
+        "unreadable": unreadable,
+        "newer": report.newer,
         "clean": report.is_clean(),
     })
 }

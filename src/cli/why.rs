@@ -43,7 +43,7 @@ impl Args {
                 let pipeline = load(file, &self.sets)?;
                 let known = Known::at(store)?;
                 let plan = plan(&pipeline, &known, &[])?;
-                of_plan(&plan, known.latest_run(&pipeline.name)?.as_ref(), &known, &self.node)?
+                of_plan(&plan, known.latest_run(&pipeline)?.as_ref(), &known, &self.node)?
             }
             None => {
                 let store = Store::open_existing(store)?;
@@ -63,9 +63,11 @@ impl Args {
     }
 }
 
-/// The run of the same pipeline before `run`.
+/// The run of the same pipeline, by name and file, before `run`.
 fn before(store: &Store, run: &Run) -> Result<Option<Run>, CliError> {
     let runs = store.runs()?;
-    let older = runs.iter().skip_while(|other| other.id != run.id).skip(1).find(|other| other.pipeline == run.pipeline);
+    let mut older = runs.iter().skip_while(|other| other.id != run.id);
+    let Some(this) = older.next() else { return Ok(None) };
+    let older = older.find(|other| other.status.is_ended() && other.is_same_pipeline(this));
     Ok(older.map(|older| store.run(&older.id)).transpose()?)
 }

@@ -293,6 +293,8 @@ fn summary(counts: &Counts, status: RunStatus, wall_s: f64) -> String {
         RunStatus::Finished => "finished",
         RunStatus::Failed => "failed",
         RunStatus::Interrupted => "interrupted",
+        RunStatus::Killed => "killed",
+        RunStatus::Running => "running",
     };
     format!("{end} in {}: {}", seconds(wall_s), tally(counts))
 }

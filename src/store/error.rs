@@ -55,6 +55,9 @@ pub enum StoreError {
         #[source]
         source: serde_json::Error,
     },
+    /// A newer version of the program wrote a record.
+    #[error("the {what} `{path}` was written by a newer version: it has format {found}, this program knows {known}")]
+    NewerRecord { what: &'static str, path: PathBuf, found: u32, known: u32 },
     /// No run has that id.
     #[error("no run is called `{id}`")]
     NoRun { id: String },
@@ -70,7 +73,7 @@ pub enum StoreError {
     /// Whoever asked for it does not want it any more.
     #[error("interrupted")]
     Interrupted,
-    /// Something that the store did not put there is where a link, or a folder of links, should be.
+    /// Something that the store did not put there is where a file, a folder or a link of it should be.
     #[error("`{path}` is in the way: the store has not put it there, so it is left alone")]
     Occupied { path: PathBuf },
 }
@@ -83,9 +86,10 @@ impl StoreError {
             Self::NoStore { .. } => "`trodden run PIPELINE` makes one; `--store DIR` names another".to_owned(),
             Self::NotAStore { .. } => "name an empty or a new folder with `--store DIR`".to_owned(),
             Self::Newer { .. } => "use the newer program, or another store with `--store DIR`".to_owned(),
+            Self::NewerRecord { .. } => "use the newer program".to_owned(),
             Self::Full { .. } => {
-                "free some space, for example with `trodden gc`, or put the store on another disk with `--store DIR`; \
-                 what is finished is kept, the same command goes on from there"
+                "free some space, for example with `trodden gc` or `trodden gc --older-than 0s`, or put the store on \
+                 another disk with `--store DIR`; what is finished is kept, the same command goes on from there"
                     .to_owned()
             }
             Self::ReadOnly { .. } => "make it writable, or use another store with `--store DIR`".to_owned(),
@@ -100,7 +104,7 @@ impl StoreError {
             Self::Record { .. } => "`trodden verify` sets damaged records aside".to_owned(),
             Self::NoRun { .. } => "`trodden ls --runs` lists them".to_owned(),
             Self::AmbiguousRun { .. } => "give more digits".to_owned(),
-            Self::Occupied { .. } => "move it away: the folder `latest` belongs to the store".to_owned(),
+            Self::Occupied { .. } => "move it away: the folders of the store belong to it".to_owned(),
             Self::Io { action: "lock", .. } => {
                 "a store needs a file system with locks, such as a local disk or NFS 4; `--store DIR` names another folder"
                     .to_owned()

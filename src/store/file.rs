@@ -113,25 +113,34 @@ pub(super) struct Entry {
     pub(super) path: PathBuf,
     /// `None` if the name is none that the store gives.
     pub(super) digest: Option<Digest>,
+    /// Whether it is a file, as it should be.
+    pub(super) is_file: bool,
     pub(super) bytes: u64,
 }
 
-/// Lists the entries of a folder of 256 folders, in order.
+/// Lists the entries of a folder of 256 folders, in order. What is hidden is left out: file systems and file managers put such
+/// files wherever they like.
 pub(super) fn list_fanned(root: &Path, folder: &str, extension: &str) -> Result<Vec<Entry>, StoreError> {
     let mut entries = Vec::new();
     for outer in list(root, &root.join(folder))? {
-        if !outer.is_dir() {
-            let bytes = outer.symlink_metadata().map_or(0, |metadata| metadata.len());
-            entries.push(Entry { path: outer, digest: None, bytes });
+        let prefix = outer.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if prefix.starts_with('.') {
             continue;
         }
-        let prefix = outer.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if !outer.is_dir() {
+            let bytes = outer.symlink_metadata().map_or(0, |metadata| metadata.len());
+            entries.push(Entry { path: outer, digest: None, is_file: true, bytes });
+            continue;
+        }
         for path in list(root, &outer)? {
             let Ok(metadata) = path.symlink_metadata() else { continue };
             let name = path.file_name().unwrap_or_default().to_string_lossy();
+            if name.starts_with('.') {
+                continue;
+            }
             let digest = name.strip_suffix(extension).and_then(|rest| format!("{prefix}{rest}").parse().ok());
-            let digest = digest.filter(|_| prefix.len() == 2 && metadata.is_file());
-            entries.push(Entry { digest, bytes: metadata.len(), path });
+            let digest = digest.filter(|_| prefix.len() == 2);
+            entries.push(Entry { digest, is_file: metadata.is_file(), bytes: metadata.len(), path });
         }
     }
     Ok(entries)

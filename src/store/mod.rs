@@ -4,7 +4,7 @@
 //! store.json            {"format":1}
 //! objects/ab/cdef…      files by the BLAKE3 of their content, read-only, never changed once there
 //! recipes/ab/cdef….json what was asked for and what came out, by key
-//! runs/<id>/run.json    one record a run; runs/index.jsonl lists them
+//! runs/<id>/run.json    one record a run, with its report; runs/index.jsonl lists them
 //! latest/<pipeline>/…   links with plain names into objects/
 //! sources.json          digests of files outside, by path, size and times
 //! temp/<session>/       what a living process is writing, and what it would miss if `gc` took it
@@ -23,6 +23,11 @@
 //! - `gc` never takes what a living process has written or recalled: each notes that in its session first. Noting takes a
 //!   shared lock, collecting an exclusive one, so that there is no moment between looking and deleting.
 //!
+//! - A record is sealed with a checksum: a flipped bit is found wherever it is. Records of the first format have none and are
+//!   read all the same; those of a newer one are left alone.
+//! - A run is on record before its first node starts, with a journal of what it has finished: `gc` leaves that, whether the
+//!   run is interrupted, fails or is killed.
+//!
 //! Objects and recipes are synced one by one. Folders are synced once a run, when its record is written: what a power cut
 //! could undo before that is a rename, and an object or recipe that is not there is only made again.
 
@@ -32,15 +37,20 @@ mod collect;
 mod digest;
 mod error;
 mod file;
+mod journal;
+mod keep;
 mod latest;
 mod lock;
 mod machine;
 mod naming;
 mod node_name;
 mod object;
+mod prune;
 mod recipe;
+mod roots;
 mod run;
 mod run_index;
+mod seal;
 mod session;
 mod source;
 #[cfg(test)]
@@ -57,18 +67,20 @@ use serde::{Deserialize, Serialize};
 
 pub use bounded::{open_regular, read_bounded};
 pub use cache::Cache;
-pub use collect::{Collected, Freed};
+pub use collect::{Collect, Collected, DAY, Freed};
 pub use digest::{Digest, DigestError, Key};
 pub use error::StoreError;
 pub use file::write_whole;
+pub use journal::Journal;
 pub use latest::LatestEntry;
 pub use lock::KeyLock;
 pub use node_name::{NodeName, NodePart, Role};
 pub use object::{Artifact, FileRef, ObjectWriter};
+pub use prune::{Prune, Pruned};
 pub use recipe::{Difference, InputDigest, Recipe, Record, Remembered};
 pub use run::{Outcome, Run, RunNode, RunStatus};
 pub use run_index::RunSummary;
-pub use verify::{Damage, Damaged, Missing, VerifyReport};
+pub use verify::{Damage, Damaged, Missing, Unreadable, VerifyReport};
 
 use error::failed;
 use file::{RECORD_MODE, Temporary, list, sync_folder};

@@ -1,8 +1,9 @@
 //! Gives whole files their names in the store, and takes names away from damaged ones.
 
-use std::fs::{self, OpenOptions};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
+use std::time::SystemTime;
 
 use super::error::failed;
 use super::file::{RECORD_MODE, Temporary};
@@ -32,17 +33,27 @@ impl Store {
         Ok(())
     }
 
-    /// Moves a damaged file away from its name; `None` if that cannot be done.
+    /// Moves what is damaged away from its name, file or folder; `None` if that cannot be done.
     pub(super) fn set_aside(&self, path: &Path, name: &str) -> Option<PathBuf> {
         let folder = self.root.join("damaged");
         fs::create_dir_all(&folder).ok()?;
+        let is_folder = path.symlink_metadata().ok()?.is_dir();
         for number in 1..10_000 {
             let aside = folder.join(format!("{name}-{number}"));
             // The new name is taken first, so that two who set aside at once do not overwrite each other's.
-            match OpenOptions::new().write(true).create_new(true).open(&aside) {
-                Ok(_) if fs::rename(path, &aside).is_ok() => return Some(aside),
-                Ok(_) => {
-                    let _ = fs::remove_file(&aside);
+            let taken = if is_folder {
+                fs::create_dir(&aside)
+            } else {
+                OpenOptions::new().write(true).create_new(true).open(&aside).map(drop)
+            };
+            match taken {
+                Ok(()) if fs::rename(path, &aside).is_ok() => {
+                    // `gc` leaves it for a while from now on, however old it is.
+                    let _ = File::open(&aside).and_then(|file| file.set_modified(SystemTime::now()));
+                    return Some(aside);
+                }
+                Ok(()) => {
+                    let _ = if is_folder { fs::remove_dir(&aside) } else { fs::remove_file(&aside) };
                     return None;
                 }
                 Err(error) if error.kind() == io::ErrorKind::AlreadyExists => {}
@@ -50,6 +61,21 @@ impl Store {
             }
         }
         None
+    }
+
+    /// Sets aside what is in the place of a file or of the folder that it lies in, and is something else.
+    pub(super) fn make_way(&self, path: &Path) -> Result<(), StoreError> {
+        let folder = path.parent().expect("what the store keeps lies in folders of it");
+        let name = |path: &Path| {
+            let below = path.strip_prefix(&self.root).unwrap_or(path);
+            below.to_string_lossy().replace('/', "-")
+        };
+        if folder.metadata().is_ok_and(|metadata| !metadata.is_dir()) {
+            self.set_aside(folder, &name(folder)).ok_or_else(|| StoreError::Occupied { path: folder.to_path_buf() })?;
+        } else if path.symlink_metadata().is_ok_and(|metadata| metadata.is_dir()) {
+            self.set_aside(path, &name(path)).ok_or_else(|| StoreError::Occupied { path: path.to_path_buf() })?;
+        }
+        Ok(())
     }
 }
 

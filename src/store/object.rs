@@ -6,16 +6,18 @@ use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
+use super::bounded::open_regular;
 use super::error::failed;
 use super::file::{Temporary, check_name, fanned};
 use super::{Digest, Store, StoreError};
 
+/// How often an object is read before it counts as damaged: what was wrong may have been the way, not the disk.
+pub(super) const ATTEMPTS: usize = 2;
 /// How much of a file is in memory while it is hashed.
 const BLOCK: usize = 1 << 18;
 
 /// A file in the store.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct FileRef {
     /// Name within a bundle; empty for a single file.
     pub name: String,
@@ -29,7 +31,6 @@ pub struct FileRef {
 ///
 /// The digest of a single file is that of its content; a bundle's is that of its manifest, an object that lists the files.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Artifact {
     /// Digest of the file, or of the bundle's manifest.
     pub digest: Digest,
@@ -127,8 +128,20 @@ impl Store {
     /// If it is missing or cannot be read. If it is damaged it is set aside; the error names the nodes that it belongs to.
     pub fn read(&self, digest: &Digest) -> Result<Vec<u8>, StoreError> {
         let path = self.path_of(digest);
-        let bytes = std::fs::read(&path).map_err(|error| self.unreadable(digest, &path, error))?;
-        if Digest::of(&bytes) == *digest { Ok(bytes) } else { Err(self.damaged(digest)) }
+        let read = || {
+            open_regular(&path).and_then(|mut file| {
+                let mut bytes = Vec::new();
+                file.read_to_end(&mut bytes)?;
+                Ok(bytes)
+            })
+        };
+        for _ in 0..ATTEMPTS {
+            let bytes = read().map_err(|error| self.unreadable(digest, &path, error))?;
+            if Digest::of(&bytes) == *digest {
+                return Ok(bytes);
+            }
+        }
+        Err(self.damaged(digest))
     }
 
     /// Opens an object for those who read it piece by piece, after its digest was checked.
@@ -137,13 +150,18 @@ impl Store {
     /// As [`Store::read`].
     pub fn open_object(&self, digest: &Digest) -> Result<File, StoreError> {
         let path = self.path_of(digest);
-        let mut file = File::open(&path).map_err(|error| self.unreadable(digest, &path, error))?;
-        let (found, _) = digest_of(&mut file).map_err(|error| self.unreadable(digest, &path, error))?;
-        if found != *digest {
-            return Err(self.damaged(digest));
+        for _ in 0..ATTEMPTS {
+            let opened = open_regular(&path).and_then(|mut file| {
+                let (found, _) = digest_of(&mut file)?;
+                file.rewind()?;
+                Ok((found, file))
+            });
+            match opened.map_err(|error| self.unreadable(digest, &path, error))? {
+                (found, file) if found == *digest => return Ok(file),
+                _ => {}
+            }
         }
-        file.rewind().map_err(|error| self.unreadable(digest, &path, error))?;
-        Ok(file)
+        Err(self.damaged(digest))
     }
 
     /// Returns where an object lies, whether it is there or not.
@@ -170,18 +188,23 @@ impl Store {
 
     /// Tells whether an object is there and its bytes are right.
     fn holds(&self, file: &FileRef) -> bool {
-        let found = File::open(self.path_of(&file.digest)).and_then(|mut there| digest_of(&mut there));
+        let found = open_regular(&self.path_of(&file.digest)).and_then(|mut there| digest_of(&mut there));
         found.is_ok_and(|found| found == (file.digest, file.bytes))
     }
 
     /// Gives a written file the name of its digest, in place of what was damaged there.
     fn name_object(&self, temporary: Temporary, digest: &Digest) -> Result<(), StoreError> {
-        self.name_file(&*self.session()?, temporary, &self.path_of(digest))
+        let path = self.path_of(digest);
+        self.make_way(&path)?;
+        self.name_file(&*self.session()?, temporary, &path)
     }
 
     fn unreadable(&self, digest: &Digest, path: &Path, error: io::Error) -> StoreError {
         if error.kind() == io::ErrorKind::NotFound {
             StoreError::MissingObject { digest: *digest, nodes: self.nodes_of_object(digest) }
+        } else if path.symlink_metadata().is_ok_and(|metadata| !metadata.is_file()) {
+            // A folder or a pipe.
+            self.damaged(digest)
         } else {
             failed(&self.root, "read", path)(error)
         }

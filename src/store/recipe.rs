@@ -1,8 +1,6 @@
 //! Remembers what was asked for and what came out.
 
 use std::collections::BTreeMap;
-use std::fs;
-use std::io;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize, Serializer};
@@ -10,6 +8,7 @@ use serde_json::Value;
 
 use super::error::failed;
 use super::file::{fanned, list_fanned};
+use super::seal::{self, Unread};
 use super::verify::{Damage, Damaged};
 use super::{Artifact, Digest, Key, Store, StoreError};
 
@@ -24,8 +23,9 @@ pub enum InputDigest {
 }
 
 /// Everything that the bytes of an artifact are a function of.
+///
+/// Whatever its record may hold besides, its key tells whether these are all.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct Recipe {
     /// Name of the stage.
     pub stage: String,
@@ -59,13 +59,20 @@ pub struct Difference {
 }
 
 /// A recipe and what came out.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Record {
     /// What was asked for.
     pub recipe: Recipe,
     /// What came out.
     pub artifact: Artifact,
+}
+
+/// A record as it is written.
+#[derive(Serialize)]
+struct Stored<'a> {
+    format: u32,
+    recipe: &'a Recipe,
+    artifact: &'a Artifact,
 }
 
 /// How a new record compares with the one that was there.
@@ -191,18 +198,18 @@ impl Serialize for Sorted<'_> {
     }
 }
 
-/// Why the record of a key cannot be had.
-pub(super) enum Unreadable {
-    Absent,
-    /// It is no JSON, or not of that key.
-    Damaged,
-    Failed(StoreError),
+impl Record {
+    fn to_text(&self) -> Vec<u8> {
+        let stored = Stored { format: seal::FORMAT, recipe: &self.recipe, artifact: &self.artifact };
+        seal::seal(serde_json::to_vec_pretty(&stored).expect("a record is JSON: its keys are strings"))
+    }
 }
 
 impl Store {
     /// Returns what came out of a recipe, if it was ever run.
     ///
     /// A record that does not parse or is not of its key is set aside and taken as absent; [`Store::take_damages`] names it.
+    /// One of a newer version that this one does not understand is absent, too, and stays.
     ///
     /// # Errors
     /// If the record cannot be read.
@@ -212,9 +219,9 @@ impl Store {
         }
         match self.read_record(key) {
             Ok(record) => Ok(Some(record)),
-            Err(Unreadable::Absent) => Ok(None),
-            Err(Unreadable::Failed(error)) => Err(error),
-            Err(Unreadable::Damaged) => {
+            Err(Unread::Absent | Unread::Newer { .. }) => Ok(None),
+            Err(Unread::Failed(error)) => Err(failed(&self.root, "read", &self.recipe_path(key))(error)),
+            Err(Unread::Damaged(_)) => {
                 let damage = self.damaged_recipe(key);
                 self.damages.lock().expect("nothing panics while it holds this lock").push(damage);
                 Ok(None)
@@ -231,9 +238,9 @@ impl Store {
         if before.as_ref() == Some(&record.artifact) {
             return Ok(Remembered::Same);
         }
-        let mut text = serde_json::to_vec_pretty(record).expect("a record is JSON: its keys are strings");
-        text.push(b'\n');
-        self.write_record(&self.recipe_path(key), &text)?;
+        let path = self.recipe_path(key);
+        self.make_way(&path)?;
+        self.write_record(&path, &record.to_text())?;
         Ok(before.map_or(Remembered::New, |before| Remembered::Other { before }))
     }
 
@@ -242,16 +249,12 @@ impl Store {
     }
 
     /// Reads and checks a record; notes nothing, sets nothing aside.
-    pub(super) fn read_record(&self, key: &Key) -> Result<Record, Unreadable> {
-        let path = self.recipe_path(key);
-        let text = match fs::read(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Err(Unreadable::Absent),
-            Err(error) => return Err(Unreadable::Failed(failed(&self.root, "read", &path)(error))),
-        };
-        match serde_json::from_slice::<Record>(&text) {
-            Ok(record) if record.recipe.key() == *key => Ok(record),
-            _ => Err(Unreadable::Damaged),
+    pub(super) fn read_record(&self, key: &Key) -> Result<Record, Unread> {
+        match seal::read::<Record>(&self.recipe_path(key))? {
+            (record, _) if record.recipe.key() == *key => Ok(record),
+            // A recipe that says more has another key.
+            (_, found) if found > seal::FORMAT => Err(Unread::Newer { found }),
+            _ => Err(Unread::Damaged(serde::de::Error::custom("its recipe has another key"))),
         }
     }
 
@@ -270,6 +273,8 @@ impl Store {
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use proptest::prelude::*;
     use serde_json::json;
 
@@ -358,10 +363,14 @@ mod tests {
         let (_folder, store) = store();
         let one = record(&store, "a");
         let key = one.recipe.key();
-        let good = serde_json::to_string(&one).expect("is JSON");
-        let other = serde_json::to_string(&record(&store, "b")).expect("is JSON");
-        let extended = good.replacen('{', r#"{"more":1,"#, 1);
-        for text in ["", "{", &good[..good.len() / 2], &other, &extended] {
+        let good = String::from_utf8(one.to_text()).expect("is text");
+        let other = String::from_utf8(record(&store, "b").to_text()).expect("is text");
+        let extended = good.replacen('{', "{\n  \"more\": 1,", 1);
+        // The recipe and its key are right, what came out is not.
+        let digest = one.artifact.digest.to_hex();
+        let flipped =
+            good.replace(&digest, &digest.replace(&digest[..1], if digest.starts_with('0') { "1" } else { "0" }));
+        for text in ["", "{", &good[..good.len() / 2], &other, &extended, &flipped] {
             store.remember(&key, &one).expect("writes");
             fs::write(store.recipe_path(&key), text).expect("writes");
             assert_eq!(store.recall(&key).expect("reads"), None, "{text}");
@@ -370,7 +379,52 @@ mod tests {
             assert_eq!(damage.what, Damaged::Recipe(key));
             assert_eq!(fs::read_to_string(damage.aside.as_ref().expect("was moved")).expect("reads"), *text);
             assert!(!store.recipe_path(&key).exists());
+            // It was not what came out before, so nothing came out otherwise.
+            assert_eq!(store.remember(&key, &one).expect("writes"), Remembered::New);
         }
+    }
+
+    #[test]
+    fn a_folder_in_the_place_of_a_record_is_set_aside() {
+        let (_folder, store) = store();
+        let one = record(&store, "a");
+        let key = one.recipe.key();
+        let path = store.recipe_path(&key);
+        fs::create_dir_all(path.join("folder")).expect("creates");
+        assert_eq!(store.recall(&key).expect("reads"), None);
+        assert!(store.take_damages()[0].aside.as_ref().is_some_and(|aside| aside.join("folder").is_dir()));
+        fs::create_dir_all(path.join("folder")).expect("creates");
+        store.remember(&key, &one).expect("writes");
+        assert_eq!(store.recall(&key).expect("reads"), Some(one));
+    }
+
+    #[test]
+    fn records_of_other_versions_are_read() {
+        let (_folder, store) = store();
+        let one = record(&store, "a");
+        let key = one.recipe.key();
+        let path = store.recipe_path(&key);
+        store.remember(&key, &one).expect("writes");
+        let (recipe, artifact) = (serde_json::to_value(&one.recipe), serde_json::to_value(&one.artifact));
+        let (recipe, artifact) = (recipe.expect("is JSON"), artifact.expect("is JSON"));
+        // The first format, and one that says more of the artifact.
+        let newer = |recipe: &Value| {
+            let text = json!({ "format": 3, "recipe": recipe, "artifact": artifact, "worker": "elsewhere" });
+            seal::seal(serde_json::to_vec_pretty(&text).expect("is JSON"))
+        };
+        let first = serde_json::to_vec_pretty(&json!({ "recipe": recipe, "artifact": artifact })).expect("is JSON");
+        for text in [first, newer(&recipe)] {
+            fs::write(&path, text).expect("writes");
+            assert_eq!(store.recall(&key).expect("reads").as_ref(), Some(&one));
+        }
+        // What is not understood is newer, and nothing that this version may set aside.
+        let mut more = recipe;
+        more["seed"] = json!({ "one": 1 });
+        fs::write(&path, newer(&more)).expect("writes");
+        assert_eq!(store.recall(&key).expect("reads"), None);
+        assert!(store.take_damages().is_empty() && path.exists());
+        let report = store.verify(&|_, _| ()).expect("verifies");
+        assert!(report.is_clean() && report.newer == [path], "{report:?}");
     }
 
     fn value() -> impl Strategy<Value = Value> {

@@ -1,4 +1,8 @@
 //! Records runs: which nodes there were, what they yielded, and how long it took.
+//!
+//! A run is on record from the moment at which its first node starts, with the status `running` and the name of the session
+//! that it belongs to. A record that still says so when the session is dead is that of a killed run; nobody writes that
+//! down, whoever reads it sees it.
 
 use std::fs;
 use std::io;
@@ -9,20 +13,33 @@ use serde_json::ser::Formatter;
 
 use super::error::failed;
 use super::file::check_name;
-use super::run_index::RunSummary;
+use super::seal::{self, Unread};
+use super::session::is_living;
 use super::{Artifact, Key, NodeName, Role, Store, StoreError};
 
 /// One run of one pipeline.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
 pub struct Run {
     /// Id, also the name of its folder.
     pub id: String,
+    /// Orders the runs of a store: one more than the greatest on record when it began; 0 in records of the first format. The
+    /// clock may have been wrong.
+    #[serde(default)]
+    pub sequence: u64,
     /// Name of the pipeline.
     pub pipeline: String,
     /// The pipeline's file as it was named.
     pub file: String,
-    /// Text of the pipeline with everything set from outside, for the report.
+    /// The same, absolute and without links; with the name it tells pipelines apart. Empty in records of the first format.
+    #[serde(default)]
+    pub path: String,
+    /// The settings of the command line, such as `labels.classes=4`, in order.
+    #[serde(default)]
+    pub sets: Vec<String>,
+    /// What was asked for; everything if it is empty.
+    #[serde(default)]
+    pub only: Vec<String>,
+    /// Text of the pipeline below the settings, for the report.
     pub source: String,
     /// When it began, RFC 3339 in UTC.
     pub started: String,
@@ -30,10 +47,13 @@ pub struct Run {
     pub wall_s: f64,
     /// How it ended.
     pub status: RunStatus,
+    /// The session in `temp/` that writes the record, as long as it runs.
+    #[serde(default)]
+    pub session: Option<String>,
     /// Whether `gc` keeps what it reaches; a mark of its own, see [`Store::mark_keep`].
     #[serde(skip)]
     pub keep: bool,
-    /// All nodes, chunks and steps in the order of the plan.
+    /// All nodes, chunks and steps in the order of the plan; while it runs, those that are done with.
     pub nodes: Vec<RunNode>,
     /// What there was to warn of.
     pub warnings: Vec<String>,
@@ -41,16 +61,29 @@ pub struct Run {
     pub version: String,
 }
 
-/// How a run ended.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+/// Where a run stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum RunStatus {
+    /// Its process is at work.
+    #[default]
+    Running,
     /// Nothing failed.
     Finished,
     /// Something failed.
     Failed,
-    /// It was told to stop.
+    /// It was asked to stop, and did at a safe point.
     Interrupted,
+    /// Its process ended before the run did; what it had finished is there.
+    Killed,
+}
+
+impl RunStatus {
+    /// Tells whether the run has come to an end of its own, so that its record is whole.
+    #[must_use]
+    pub const fn is_ended(self) -> bool {
+        matches!(self, Self::Finished | Self::Failed | Self::Interrupted)
+    }
 }
 
 /// How a node fared.
@@ -93,8 +126,26 @@ pub struct RunNode {
     pub error: Option<String>,
 }
 
+/// A record as it is written.
+#[derive(Serialize)]
+struct Stored<'a> {
+    format: u32,
+    #[serde(flatten)]
+    run: &'a Run,
+}
+
+impl Run {
+    /// Tells whether it brought about everything that the pipeline asks for.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        // Records of the first format do not say what was asked for.
+        let skipped = || self.nodes.iter().any(|node| node.outcome == Outcome::Skipped);
+        self.status == RunStatus::Finished && self.only.is_empty() && !skipped()
+    }
+}
+
 impl Store {
-    /// Writes the record of a run, syncs the folders that it has changed, and lists the run.
+    /// Writes the record of a run that has ended, and syncs the folders that it has changed.
     ///
     /// Writing it again replaces the record.
     ///
@@ -102,15 +153,9 @@ impl Store {
     /// If the id is no file name or the store cannot be written.
     pub fn write_run(&self, run: &Run) -> Result<(), StoreError> {
         check_name("run", &run.id)?;
-        let mut text = Vec::with_capacity(1 << 16);
-        let mut serializer = serde_json::Serializer::with_formatter(&mut text, Lines::default());
-        run.serialize(&mut serializer).expect("a run is JSON: its keys are strings");
-        text.push(b'\n');
         let session = self.session()?;
         let news = session.sync_folders(&self.root)? > 0;
-        // Listed first: an entry without a record is passed over, a record without an entry would be overlooked.
-        self.list_run(&RunSummary::of(run))?;
-        self.write_record(&self.run_dir(&run.id).join("run.json"), &text)?;
+        self.put_run(run)?;
         if run.keep {
             self.mark_keep(&run.id, true)?;
         }
@@ -118,13 +163,27 @@ impl Store {
         if news {
             session.sync_folders(&self.root)?;
         }
+        self.end_journal(&run.id);
+        // It saves reading the records, and can be made again from them at any time.
+        let _ = self.index();
         Ok(())
     }
 
-    /// Reads the record of a run by its id, the beginning of it, or `latest`.
+    /// Writes the record alone.
+    pub(super) fn put_run(&self, run: &Run) -> Result<(), StoreError> {
+        let mut text = Vec::with_capacity(1 << 16);
+        let mut serializer = serde_json::Serializer::with_formatter(&mut text, Lines::default());
+        let stored = Stored { format: seal::FORMAT, run };
+        stored.serialize(&mut serializer).expect("a run is JSON: its keys are strings");
+        let path = self.record_path(&run.id);
+        self.make_way(&path)?;
+        self.write_record(&path, &seal::seal(text))
+    }
+
+    /// Reads the record of a run by its id, the beginning of it, or `latest`: the newest that has ended.
     ///
     /// # Errors
-    /// If there is none, if several begin like that, or if the record is damaged.
+    /// If there is none, if several begin like that, or if the record is damaged or of a newer version.
     pub fn run(&self, id: &str) -> Result<Run, StoreError> {
         if check_name("run", id).is_ok()
             && let Some(run) = self.read_run(id)?
@@ -135,7 +194,10 @@ impl Store {
         let runs = self.runs()?;
         let mut matches: Vec<String> = match id {
             "" => return Err(none()),
-            "latest" => runs.first().map(|run| run.id.clone()).into_iter().collect(),
+            "latest" => {
+                let newest = runs.iter().find(|run| run.status.is_ended()).or_else(|| runs.first());
+                newest.map(|run| run.id.clone()).into_iter().collect()
+            }
             prefix => runs.into_iter().filter(|run| run.id.starts_with(prefix)).map(|run| run.id).collect(),
         };
         match matches.len() {
@@ -145,18 +207,23 @@ impl Store {
         }
     }
 
-    /// Reads the newest run of a pipeline, or the newest that finished.
+    /// Reads the newest run of a pipeline that has ended, or the newest that finished; with a path only of that file.
     ///
     /// # Errors
     /// If its record cannot be read or is damaged.
-    pub fn latest_run(&self, pipeline: &str, finished_only: bool) -> Result<Option<Run>, StoreError> {
+    pub fn latest_run(
+        &self,
+        pipeline: &str,
+        path: Option<&str>,
+        finished_only: bool,
+    ) -> Result<Option<Run>, StoreError> {
         for summary in self.index()? {
-            let wanted = !finished_only || summary.status == RunStatus::Finished;
+            let status = summary.status;
+            let wanted = if finished_only { status == RunStatus::Finished } else { status.is_ended() };
             if summary.pipeline == pipeline
                 && wanted
+                && path.is_none_or(|path| summary.is_of(path))
                 && let Some(run) = self.read_run(&summary.id)?
-                // The list is written first; a process killed then left the record as it was.
-                && (!finished_only || run.status == RunStatus::Finished)
             {
                 return Ok(Some(run));
             }
@@ -170,44 +237,55 @@ impl Store {
         self.root.join("runs").join(id)
     }
 
-    /// Marks a run so that `gc` keeps what it reaches, or takes the mark away.
-    ///
-    /// # Errors
-    /// If there is no such run or the store cannot be written.
-    pub fn mark_keep(&self, id: &str, keep: bool) -> Result<(), StoreError> {
-        let path = self.keep_path(&self.run(id)?.id);
-        let done = if keep { fs::write(&path, b"") } else { fs::remove_file(&path) };
-        match done {
-            Err(error) if keep || error.kind() != io::ErrorKind::NotFound => {
-                Err(failed(&self.root, "write", &path)(error))
-            }
-            _ => Ok(()),
-        }
-    }
-
-    fn keep_path(&self, id: &str) -> PathBuf {
-        self.run_dir(id).join("keep")
-    }
-
-    pub(super) fn is_kept(&self, id: &str) -> bool {
-        self.keep_path(id).exists()
+    pub(super) fn record_path(&self, id: &str) -> PathBuf {
+        self.run_dir(id).join("run.json")
     }
 
     /// Reads the record of a run by its whole id.
     pub(super) fn read_run(&self, id: &str) -> Result<Option<Run>, StoreError> {
-        let path = self.run_dir(id).join("run.json");
-        let text = match fs::read(&path) {
-            Ok(text) => text,
-            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
-            Err(error) => return Err(failed(&self.root, "read", &path)(error)),
-        };
-        let mut run: Run = serde_json::from_slice(&text).map_err(|source| StoreError::Record {
-            what: "record of a run",
-            path,
-            source,
-        })?;
-        run.keep = self.is_kept(id);
-        Ok(Some(run))
+        let path = self.record_path(id);
+        const WHAT: &str = "record of a run";
+        match seal::read::<Run>(&path) {
+            Ok((mut run, _)) => {
+                run.keep = self.is_kept(id);
+                run.status = self.status_now(run.status, run.session.as_deref());
+                Ok(Some(run))
+            }
+            Err(Unread::Absent) => Ok(None),
+            Err(Unread::Newer { found }) => {
+                Err(StoreError::NewerRecord { what: WHAT, path, found, known: seal::FORMAT })
+            }
+            Err(Unread::Damaged(source)) => Err(StoreError::Record { what: WHAT, path, source }),
+            Err(Unread::Failed(error)) => Err(failed(&self.root, "read", &path)(error)),
+        }
+    }
+
+    /// Tells a running run from one whose process is dead.
+    pub(super) fn status_now(&self, recorded: RunStatus, session: Option<&str>) -> RunStatus {
+        let living = |name: &str| check_name("session", name).is_ok() && is_living(&self.root, name);
+        if recorded == RunStatus::Running && !session.is_some_and(living) { RunStatus::Killed } else { recorded }
+    }
+
+    /// Gives a run the report of the newest run before it, if that would be the same: the same pipeline came out the same,
+    /// and this run made nothing. Returns where it is.
+    pub fn share_report(&self, run: &Run) -> Option<PathBuf> {
+        let idle = run.nodes.iter().all(|node| matches!(node.outcome, Outcome::Hit | Outcome::Skipped));
+        if !idle || run.status != RunStatus::Finished || !run.warnings.is_empty() {
+            return None;
+        }
+        let runs = self.index().ok()?;
+        let older = runs.iter().filter(|older| older.id != run.id && older.pipeline == run.pipeline);
+        let with_report = older.filter(|older| older.is_of(&run.path)).map(|older| self.run_dir(&older.id));
+        let report = with_report.map(|folder| folder.join("report.html")).find(|report| report.is_file())?;
+        let older = self.read_run(report.parent()?.file_name()?.to_str()?).ok()??;
+        let same = (&older.source, &older.only, older.status) == (&run.source, &run.only, run.status)
+            && older.nodes.len() == run.nodes.len()
+            && older.nodes.iter().zip(&run.nodes).all(|(older, newer)| {
+                (&older.node, &older.key, &older.artifact) == (&newer.node, &newer.key, &newer.artifact)
+            });
+        let own = self.run_dir(&run.id).join("report.html");
+        // The same file under two names: whichever run goes first, the other keeps its report.
+        (same && older.version == run.version && fs::hard_link(&report, &own).is_ok()).then_some(own)
     }
 }
 

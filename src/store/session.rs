@@ -50,7 +50,7 @@ impl Gate {
     }
 
     /// Waits while somebody collects, then keeps collectors out.
-    fn enter(&self) -> io::Result<Pass<'_>> {
+    pub(super) fn enter(&self) -> io::Result<Pass<'_>> {
         let mut inside = self.inside.lock().expect("nothing panics while it holds this lock");
         if inside.0.is_none() {
             inside.0 = Some(self.open()?);
@@ -71,7 +71,7 @@ impl Gate {
     }
 
     /// As [`Gate::close`], but only if nobody is in the way.
-    fn try_close(&self) -> Option<File> {
+    pub(super) fn try_close(&self) -> Option<File> {
         self.open().ok().filter(|file| matches!(try_lock(file), Ok(true)))
     }
 
@@ -138,6 +138,11 @@ impl Session {
             next: AtomicU64::new(0),
             touched: Mutex::new(BTreeSet::new()),
         })
+    }
+
+    /// Returns the name of its folder in `temp/`.
+    pub(super) fn name(&self) -> String {
+        self.folder.file_name().unwrap_or_default().to_string_lossy().into_owned()
     }
 
     /// Returns a path that nothing else uses.
@@ -223,6 +228,13 @@ fn remove_dead(root: &Path, gate: &Gate) {
             let _ = fs::remove_dir_all(folder);
         }
     }
+}
+
+/// Tells whether the process of a session may live.
+pub(super) fn is_living(root: &Path, name: &str) -> bool {
+    let folder = root.join("temp").join(name);
+    // What cannot be judged counts as living.
+    is_alive(&folder, &folder.join("lock")).unwrap_or(true)
 }
 
 /// What living processes rely on.

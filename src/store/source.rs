@@ -10,21 +10,19 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use super::bounded::{open_regular, read_bounded};
+use super::bounded::open_regular;
 use super::error::{failed, stopped};
 use super::object::digest_of;
+use super::seal::{self, Unread};
+use super::verify::Damaged;
 use super::{Digest, Store, StoreError};
 
 /// How much older than its record a file must be, in nanoseconds: file systems keep times as coarse as this, so a file that was
 /// changed within it after it was read may look unchanged.
 const SLACK: i128 = 2_000_000_000;
 
-/// The most bytes that the record of sources may have.
-const SOURCES_LIMIT: u64 = 1 << 30;
-
 /// What a file looked like when it was read, and what was in it.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 struct Seen {
     digest: Digest,
     size: u64,
@@ -55,9 +53,28 @@ impl Sources {
     }
 }
 
+/// The record of what is known.
+#[derive(Default, Serialize, Deserialize)]
+struct Known {
+    format: u32,
+    files: BTreeMap<PathBuf, Seen>,
+}
+
 /// Reads what is known; what cannot be understood is only worth reading the files again.
 fn load(path: &Path) -> BTreeMap<PathBuf, Seen> {
-    read_bounded(path, SOURCES_LIMIT).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default()
+    read(path).unwrap_or_default()
+}
+
+fn read(path: &Path) -> Result<BTreeMap<PathBuf, Seen>, Unread> {
+    match seal::read::<Known>(path) {
+        Ok((known, _)) => Ok(known.files),
+        // The first format was the files alone.
+        Err(Unread::Damaged(error)) => match seal::read::<BTreeMap<PathBuf, Seen>>(path) {
+            Ok((files, _)) => Ok(files),
+            Err(_) => Err(Unread::Damaged(error)),
+        },
+        Err(other) => Err(other),
+    }
 }
 
 impl Store {
@@ -108,9 +125,19 @@ impl Store {
         }
         all.retain(|path, _| path.exists());
         let path = sources.path.clone();
-        self.write_record(&path, &serde_json::to_vec_pretty(&all).expect("paths that are texts are keys of JSON"))?;
+        let known = Known { format: seal::FORMAT, files: all };
+        let text = serde_json::to_vec_pretty(&known).expect("paths that are texts are keys of JSON");
+        self.make_way(&path)?;
+        self.write_record(&path, &seal::seal(text))?;
         sources.dirty = false;
         Ok(())
+    }
+
+    /// Sets the record of source files aside if it is damaged.
+    pub(super) fn verify_sources(&self) -> Option<(Damaged, Option<PathBuf>)> {
+        let path = self.root.join("sources.json");
+        let damaged = matches!(read(&path), Err(Unread::Damaged(_)));
+        damaged.then(|| (Damaged::Sources, self.set_aside(&path, "sources.json")))
     }
 
     fn read_source(&self, path: &Path, absolute: PathBuf) -> Result<Digest, StoreError> {
@@ -263,6 +290,43 @@ mod tests {
         let error = store.source_digest(Path::new("/dev/zero")).expect_err("is a device");
         let StoreError::Io { source, .. } = error else { panic!("{error}") };
         assert_eq!(source.to_string(), "it is a device, not a regular file");
+    }
+
+    #[test]
+    fn a_damaged_record_of_sources_is_found_and_not_believed() {
+        let (folder, store) = store();
+        let path = folder.path().join("map.pgm");
+        fs::write(&path, "a").expect("writes");
+        store.source_digest(&path).expect("reads");
+        age(&store);
+        store.save_sources().expect("saves");
+        let record = folder.path().join("sources.json");
+        let good = fs::read_to_string(&record).expect("reads");
+        assert_eq!(load(&record).len(), 1);
+        // One digit of the digest: whoever believed it would look for a map that never was.
+        let digest = Digest::of(b"a").to_hex();
+        let other = Digest::of(b"b").to_hex();
+        for text in [good.replace(&digest, &other), String::new(), "{".to_owned()] {
+            fs::write(&record, &text).expect("writes");
+            assert!(load(&record).is_empty(), "{text}");
+            let report = store.verify(&|_, _| ()).expect("verifies");
+            assert_eq!(report.damaged.iter().map(|damage| &damage.what).collect::<Vec<_>>(), [&Damaged::Sources]);
+            assert!(!record.exists());
+        }
+        assert!(store.verify(&|_, _| ()).expect("verifies").is_clean());
+    }
+
+    #[test]
+    fn the_record_of_the_first_format_is_believed() {
+        let (folder, store) = store();
+        let path = folder.path().join("map.pgm");
+        fs::write(&path, "a").expect("writes");
+        store.source_digest(&path).expect("reads");
+        let record = folder.path().join("sources.json");
+        let files = store.sources.lock().expect("works").seen().clone();
+        fs::write(&record, serde_json::to_vec_pretty(&files).expect("is JSON")).expect("writes");
+        assert_eq!(load(&record), files);
+        assert!(store.verify(&|_, _| ()).expect("verifies").is_clean());
     }
 
     #[test]

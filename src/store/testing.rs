@@ -58,9 +58,9 @@ pub(super) fn run(id: &str, hour: u32, nodes: Vec<RunNode>) -> Run {
         started: format!("2026-01-02T{hour:02}:00:00Z"),
         wall_s: 1.5,
         status: RunStatus::Finished,
-        keep: false,
         nodes,
         warnings: vec!["one".to_owned()],
         version: "0.1.0".to_owned(),
+        ..Run::default()
     }
 }

@@ -1,19 +1,27 @@
 //! Reads everything, and names and sets aside what is damaged.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fmt;
-use std::fs::{self, File};
-use std::io;
-use std::path::PathBuf;
+use std::fs;
+use std::io::{self, Read};
+use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::thread;
+use std::time::Duration;
 
 use rayon::prelude::*;
 
-use super::error::{failed, listed};
+use super::bounded::open_regular;
+use super::error::listed;
 use super::file::{Entry, list_fanned};
-use super::object::digest_of;
-use super::recipe::Unreadable;
-use super::{Artifact, Digest, Key, Role, Store, StoreError};
+use super::object::{ATTEMPTS, digest_of};
+use super::roots::roots;
+use super::run::{Role, Run};
+use super::seal::Unread;
+use super::{Artifact, Digest, Key, Store, StoreError};
+
+/// How long it waits before it reads again what could not be read.
+const PAUSE: Duration = Duration::from_millis(100);
 
 /// What is damaged.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
@@ -24,6 +32,8 @@ pub enum Damaged {
     Recipe(Key),
     /// The record of a run, by its id.
     Run(String),
+    /// What is known of files outside of the store.
+    Sources,
     /// A file that the store did not put where it is, relative to the store's folder.
     Stray(PathBuf),
 }
@@ -39,13 +49,21 @@ pub struct Damage {
     pub aside: Option<PathBuf>,
 }
 
-/// An object that the newest finished run of a pipeline yielded and that is not there.
+/// An object that a run which counts yielded and that is not there.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Missing {
     /// Digest of the object.
     pub digest: Digest,
     /// Names of the nodes it belongs to.
     pub nodes: Vec<String>,
+}
+
+/// Something that could not be read, which is no damage: the disk or the way to it has failed, not the store.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Unreadable {
+    pub path: PathBuf,
+    /// What the system says.
+    pub error: String,
 }
 
 /// What [`Store::verify`] found.
@@ -63,6 +81,10 @@ pub struct VerifyReport {
     pub damaged: Vec<Damage>,
     /// Not damage: it is made again when something needs it.
     pub missing: Vec<Missing>,
+    /// Still where it was.
+    pub unreadable: Vec<Unreadable>,
+    /// Records of a newer version, which this one does not understand and leaves alone.
+    pub newer: Vec<PathBuf>,
 }
 
 impl VerifyReport {
@@ -79,6 +101,7 @@ impl fmt::Display for Damage {
             Damaged::Object(digest) => write!(f, "object `{digest:?}` is damaged")?,
             Damaged::Recipe(key) => write!(f, "recipe `{key:?}` is damaged")?,
             Damaged::Run(id) => write!(f, "the record of run `{id}` is damaged")?,
+            Damaged::Sources => f.write_str("the record of source files is damaged")?,
             Damaged::Stray(path) => write!(f, "`{}` is no file of the store", path.display())?,
         }
         if !self.nodes.is_empty() {
@@ -94,18 +117,30 @@ impl fmt::Display for Missing {
     }
 }
 
+/// What was set aside, and where it is now.
+type Aside = (Damaged, Option<PathBuf>);
+
+/// What came of looking at one entry.
+enum Look {
+    Good,
+    Damaged,
+    Newer,
+    Failed(io::Error),
+}
+
 impl Store {
     /// Reads every object, recipe and run, on all threads; sets aside what is damaged.
     ///
-    /// `progress` hears how many bytes of objects are read and how many there are.
+    /// What looks damaged is read again before. `progress` hears how many bytes of objects are read and how many there are.
     ///
     /// # Errors
-    /// If the store's folders cannot be listed, or a file not be read for another reason than damage.
+    /// If the store's folders cannot be listed.
     pub fn verify(&self, progress: &(dyn Fn(u64, u64) + Sync)) -> Result<VerifyReport, StoreError> {
         let mut report = VerifyReport::default();
         let mut damaged = self.verify_runs(&mut report)?;
         damaged.extend(self.verify_objects(&mut report, progress)?);
         damaged.extend(self.verify_recipes(&mut report)?);
+        damaged.extend(self.verify_sources());
         damaged.sort_by(|left, right| left.0.cmp(&right.0));
         let objects: Vec<Digest> = damaged
             .iter()
@@ -118,7 +153,7 @@ impl Store {
                 let nodes = match &what {
                     Damaged::Object(digest) => owners.get(digest).cloned().unwrap_or_default(),
                     Damaged::Recipe(key) => self.nodes_of_key(key),
-                    Damaged::Run(_) | Damaged::Stray(_) => Vec::new(),
+                    Damaged::Run(_) | Damaged::Sources | Damaged::Stray(_) => Vec::new(),
                 };
                 Damage { what, nodes, aside }
             })
@@ -131,113 +166,166 @@ impl Store {
         &self,
         report: &mut VerifyReport,
         progress: &(dyn Fn(u64, u64) + Sync),
-    ) -> Result<Vec<(Damaged, Option<PathBuf>)>, StoreError> {
+    ) -> Result<Vec<Aside>, StoreError> {
         let entries = list_fanned(&self.root, "objects", "")?;
         let total = entries.iter().map(|entry| entry.bytes).sum();
         let done = AtomicU64::new(0);
         progress(0, total);
-        let bad: Vec<(&Entry, bool)> = entries
+        let looks: Vec<(&Entry, Look)> = entries
             .par_iter()
             .map(|entry| {
-                let damaged = match entry.digest {
-                    None => true,
-                    Some(digest) => match File::open(&entry.path).and_then(|mut file| digest_of(&mut file)) {
-                        Ok((found, _)) => found != digest,
-                        // Somebody else set it aside or collected it meanwhile.
-                        Err(error) if error.kind() == io::ErrorKind::NotFound => false,
-                        // A sector that cannot be read is damage, too.
-                        Err(error) if error.raw_os_error() == Some(EIO) => true,
-                        Err(error) => return Err(failed(&self.root, "read", &entry.path)(error)),
-                    },
+                let look = match entry.digest {
+                    Some(digest) if entry.is_file => look_twice(|| hold(&entry.path, &digest)),
+                    _ => Look::Damaged,
                 };
                 let done = done.fetch_add(entry.bytes, Ordering::Relaxed) + entry.bytes;
                 progress(done, total);
-                Ok((entry, damaged))
+                (entry, look)
             })
-            .collect::<Result<_, _>>()?;
+            .collect();
         report.objects = entries.iter().filter(|entry| entry.digest.is_some()).count() as u64;
         report.bytes = total;
-        Ok(bad
-            .into_iter()
-            .filter(|(_, damaged)| *damaged)
-            .map(|(entry, _)| self.aside(entry, Damaged::Object))
-            .collect())
+        Ok(self.take_in(looks, report, Damaged::Object))
     }
 
-    fn verify_recipes(&self, report: &mut VerifyReport) -> Result<Vec<(Damaged, Option<PathBuf>)>, StoreError> {
+    fn verify_recipes(&self, report: &mut VerifyReport) -> Result<Vec<Aside>, StoreError> {
         let entries = list_fanned(&self.root, "recipes", ".json")?;
-        let bad: Vec<(&Entry, bool)> = entries
-            .par_iter()
-            .map(|entry| match entry.digest.map(|digest| self.read_record(&Key::new(digest))) {
-                Some(Ok(_) | Err(Unreadable::Absent)) => Ok((entry, false)),
-                None | Some(Err(Unreadable::Damaged)) => Ok((entry, true)),
-                Some(Err(Unreadable::Failed(error))) => Err(error),
-            })
-            .collect::<Result<_, _>>()?;
+        let look = |entry: &Entry| match entry.digest.map(Key::new) {
+            Some(key) => look_twice(|| match self.read_record(&key) {
+                Ok(_) | Err(Unread::Absent) => Look::Good,
+                Err(Unread::Newer { .. }) => Look::Newer,
+                Err(Unread::Damaged(_)) => Look::Damaged,
+                Err(Unread::Failed(error)) => Look::Failed(error),
+            }),
+            None => Look::Damaged,
+        };
+        let looks = entries.par_iter().map(|entry| (entry, look(entry))).collect();
         report.recipes = entries.iter().filter(|entry| entry.digest.is_some()).count() as u64;
-        let bad = bad.into_iter().filter(|(_, damaged)| *damaged);
-        Ok(bad.map(|(entry, _)| self.aside(entry, |digest| Damaged::Recipe(Key::new(digest)))).collect())
+        Ok(self.take_in(looks, report, |digest| Damaged::Recipe(Key::new(digest))))
     }
 
-    fn verify_runs(&self, report: &mut VerifyReport) -> Result<Vec<(Damaged, Option<PathBuf>)>, StoreError> {
+    fn verify_runs(&self, report: &mut VerifyReport) -> Result<Vec<Aside>, StoreError> {
         let mut damaged = Vec::new();
         for id in self.recorded()? {
             report.runs += 1;
-            match self.read_run(&id) {
-                Ok(_) => {}
-                Err(StoreError::Record { path, .. }) => {
+            let path = self.record_path(&id);
+            let look = look_twice(|| match self.read_run(&id) {
+                Ok(_) => Look::Good,
+                Err(StoreError::NewerRecord { .. }) => Look::Newer,
+                Err(StoreError::Record { .. }) => Look::Damaged,
+                Err(StoreError::Io { source, .. }) => Look::Failed(source),
+                Err(error) => Look::Failed(io::Error::other(error)),
+            });
+            match look {
+                Look::Good => {}
+                Look::Newer => report.newer.push(path),
+                Look::Failed(error) => report.unreadable.push(Unreadable { path, error: error.to_string() }),
+                Look::Damaged => {
                     let aside = self.set_aside(&path, &format!("run-{id}.json"));
                     damaged.push((Damaged::Run(id), aside));
                 }
-                Err(error) => return Err(error),
             }
         }
         Ok(damaged)
     }
 
+    /// Sets aside what is damaged of some entries and takes note of what cannot be judged.
+    fn take_in(
+        &self,
+        looks: Vec<(&Entry, Look)>,
+        report: &mut VerifyReport,
+        damaged: impl Fn(Digest) -> Damaged,
+    ) -> Vec<Aside> {
+        let mut aside = Vec::new();
+        for (entry, look) in looks {
+            let path = entry.path.clone();
+            match look {
+                Look::Good => {}
+                Look::Newer => report.newer.push(path),
+                Look::Failed(error) => report.unreadable.push(Unreadable { path, error: error.to_string() }),
+                Look::Damaged => aside.push(self.aside(entry, &damaged)),
+            }
+        }
+        aside
+    }
+
     /// Sets an entry aside under the name that says what it is.
-    fn aside(&self, entry: &Entry, damaged: impl Fn(Digest) -> Damaged) -> (Damaged, Option<PathBuf>) {
+    fn aside(&self, entry: &Entry, damaged: impl Fn(Digest) -> Damaged) -> Aside {
         let relative = entry.path.strip_prefix(&self.root).unwrap_or(&entry.path).to_path_buf();
         let what = entry.digest.map_or(Damaged::Stray(relative), damaged);
         let name = match &what {
             Damaged::Object(digest) => digest.to_hex(),
             Damaged::Recipe(key) => format!("{}.json", key.to_hex()),
             Damaged::Run(id) => format!("run-{id}.json"),
+            Damaged::Sources => "sources.json".to_owned(),
             Damaged::Stray(path) => path.to_string_lossy().replace('/', "-"),
         };
         let aside = self.set_aside(&entry.path, &name);
         (what, aside)
     }
 
-    /// Lists what the newest finished run of each pipeline yielded and is not there, without what was just set aside.
+    /// Lists what the runs that count yielded and is not there, without what was just set aside.
     fn missing(&self, damaged: &[Digest]) -> Result<Vec<Missing>, StoreError> {
-        let pipelines: BTreeSet<String> = self.index()?.into_iter().map(|run| run.pipeline).collect();
-        let mut missing: BTreeMap<Digest, Vec<String>> = BTreeMap::new();
-        for pipeline in pipelines {
-            let Some(run) = self.latest_run(&pipeline, true)? else { continue };
-            // The steps before the last are `gc`'s to take.
-            for node in run.nodes.iter().filter(|node| node.role != Role::Epoch) {
-                for digest in node.artifact.iter().flat_map(Artifact::objects) {
-                    if !damaged.contains(&digest) && fs::symlink_metadata(self.path_of(&digest)).is_err() {
-                        let names = missing.entry(digest).or_default();
-                        if !names.iter().any(|name| node.node == *name) {
-                            names.push(node.node.to_string());
-                        }
-                    }
-                }
+        let mut missing = BTreeMap::new();
+        for summary in roots(&self.index()?) {
+            // What cannot be read was found above.
+            if let Ok(Some(run)) = self.read_run(&summary.id) {
+                self.note_missing(&run, damaged, &mut missing);
             }
         }
         Ok(missing.into_iter().map(|(digest, nodes)| Missing { digest, nodes }).collect())
     }
+
+    /// Notes what a run yielded and is not there.
+    pub(super) fn note_missing(&self, run: &Run, damaged: &[Digest], missing: &mut BTreeMap<Digest, Vec<String>>) {
+        // The steps before the last are `gc`'s to take.
+        for node in run.nodes.iter().filter(|node| node.role != Role::Epoch) {
+            for digest in node.artifact.iter().flat_map(Artifact::objects) {
+                if !damaged.contains(&digest) && fs::symlink_metadata(self.path_of(&digest)).is_err() {
+                    let names = missing.entry(digest).or_default();
+                    if !names.iter().any(|name| node.node == *name) {
+                        names.push(node.node.to_string());
+                    }
+                }
+            }
+        }
+    }
 }
 
-/// The number of "input/output error" on every Unix.
-const EIO: i32 = 5;
+/// Holds the bytes of a file against the digest that its name promises.
+fn hold(path: &Path, digest: &Digest) -> Look {
+    hold_bytes(|| open_regular(path), digest)
+}
+
+fn hold_bytes<R: Read>(open: impl Fn() -> io::Result<R>, digest: &Digest) -> Look {
+    match open().and_then(|mut bytes| digest_of(&mut bytes)) {
+        Ok((found, _)) if found == *digest => Look::Good,
+        Ok(_) => Look::Damaged,
+        // Somebody else set it aside or collected it meanwhile.
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Look::Good,
+        Err(error) => Look::Failed(error),
+    }
+}
+
+/// Looks again, after a pause, at what did not turn out good: the way to a disk may fail for a moment.
+fn look_twice(look: impl Fn() -> Look) -> Look {
+    let mut last = look();
+    for _ in 1..ATTEMPTS {
+        match last {
+            Look::Damaged | Look::Failed(_) => {
+                thread::sleep(PAUSE);
+                last = look();
+            }
+            Look::Good | Look::Newer => break,
+        }
+    }
+    last
+}
 
 #[cfg(test)]
 mod tests {
+    use std::cell::Cell;
     use std::os::unix::fs::PermissionsExt;
-    use std::path::Path;
     use std::sync::Mutex;
 
     use super::super::testing::{node, record, run, store};
@@ -346,6 +434,95 @@ mod tests {
         let mut writer = store.create().expect("creates");
         io::Write::write_all(&mut writer, b"content").expect("writes");
         assert_eq!(writer.finish("").expect("ends"), file);
+        assert_eq!(store.read(&file.digest).expect("reads"), b"content");
+    }
+
+    #[test]
+    fn an_error_that_passes_is_no_damage_and_one_that_stays_sets_nothing_aside() {
+        /// Fails in one way the first few times, then reads.
+        fn check(failures: usize, error: &'static dyn Fn() -> io::Result<&'static [u8]>, expected: &str) {
+            let tried = Cell::new(0);
+            let open = || {
+                tried.set(tried.get() + 1);
+                if tried.get() <= failures { error() } else { Ok(&b"good"[..]) }
+            };
+            let found = match look_twice(|| hold_bytes(open, &Digest::of(b"good"))) {
+                Look::Good => "good",
+                Look::Damaged => "damaged",
+                Look::Newer => "newer",
+                Look::Failed(_) => "failed",
+            };
+            assert_eq!(found, expected, "after {failures} failures");
+        }
+        const EIO: i32 = 5;
+        let broken = &|| Err(io::Error::from_raw_os_error(EIO));
+        check(0, broken, "good");
+        check(1, broken, "good");
+        check(2, broken, "failed");
+        let wrong = &|| Ok(&b"fool"[..]);
+        check(1, wrong, "good");
+        check(2, wrong, "damaged");
+    }
+
+    #[test]
+    fn what_kept_and_counting_runs_miss_is_named() {
+        let (_folder, store) = store();
+        let made = ["kept", "full", "newest", "old"].map(|name| record(&store, name));
+        let write = |hour: usize, id: &str, change: &dyn Fn(&mut Run)| {
+            let made = &made[hour];
+            let mut run = run(id, hour as u32, vec![node(id, &made.artifact, made.recipe.key())]);
+            change(&mut run);
+            store.write_run(&run).expect("writes");
+        };
+        write(0, "kept", &|run| run.keep = true);
+        write(3, "old", &|run| run.started = "2025-01-01T00:00:00Z".to_owned());
+        write(1, "full", &|_| {});
+        write(2, "newest", &|run| run.only = vec!["labels".to_owned()]);
+        for record in &made {
+            fs::remove_file(store.path_of(&record.artifact.digest)).expect("removes");
+        }
+        let mut nodes: Vec<String> =
+            store.verify(&|_, _| ()).expect("verifies").missing.into_iter().flat_map(|missing| missing.nodes).collect();
+        nodes.sort();
+        assert_eq!(nodes, ["full", "kept", "newest"]);
+    }
+
+    #[test]
+    fn files_of_the_system_are_no_damage() {
+        let (folder, store) = store();
+        store.put("", b"a").expect("puts");
+        for path in ["objects/.DS_Store", "objects/ab/.nfs0001", "recipes/.DS_Store", "runs/.DS_Store"] {
+            let path = folder.path().join(path);
+            fs::create_dir_all(path.parent().expect("has one")).expect("creates");
+            fs::write(&path, "").expect("writes");
+        }
+        let report = store.verify(&|_, _| ()).expect("verifies");
+        assert!(report.is_clean() && report.objects == 1, "{report:?}");
+    }
+
+    #[test]
+    fn a_folder_in_the_place_of_an_object_is_set_aside_and_made_again() {
+        let (_folder, store) = store();
+        let file = store.put("", b"content").expect("puts");
+        let path = store.path_of(&file.digest);
+        let spoil = || {
+            let _ = fs::remove_file(&path);
+            fs::create_dir_all(path.join("folder")).expect("creates");
+        };
+        spoil();
+        assert!(!store.has(&file.digest) && store.read(&file.digest).expect_err("is a folder").is_damage());
+        spoil();
+        let report = store.verify(&|_, _| ()).expect("verifies");
+        assert_eq!(report.damaged[0].what, Damaged::Object(file.digest));
+        assert!(report.damaged[0].aside.as_ref().is_some_and(|aside| aside.join("folder").is_dir()));
+        spoil();
+        store.put("", b"content").expect("puts");
+        assert_eq!(store.read(&file.digest).expect("reads"), b"content");
+        // A file in the place of the folder that it lies in.
+        let outer = path.parent().expect("has one");
+        fs::remove_dir_all(outer).expect("removes");
+        fs::write(outer, "").expect("writes");
+        store.put("", b"content").expect("puts");
         assert_eq!(store.read(&file.digest).expect("reads"), b"content");
     }
 }

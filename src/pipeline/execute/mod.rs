@@ -37,8 +37,9 @@ pub fn execute(
     let begun = clock::Begun::now();
     let graph = Graph::new(pipeline);
     let ledger = Ledger::new(&graph, store, &options.only, false)?;
-    let mut scheduler = scheduler::Scheduler::new(store, options, ledger, sink);
-    scheduler.begin(&begun.id);
+    let recorder = record::Recorder::new(store, pipeline, options, begun);
+    let mut scheduler = scheduler::Scheduler::new(store, options, ledger, recorder, sink);
+    scheduler.begin();
     scheduler.run()?;
-    record::close(scheduler, begun)
+    record::close(scheduler)
 }

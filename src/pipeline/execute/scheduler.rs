@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{Builder, Scope};
 use std::time::{Duration, Instant};
 
+use super::record::Recorder;
 use super::worker::{Assignment, Made, Message, Trouble, inputs};
 use super::{Failure, Options};
 use crate::pipeline::error::PipelineError;
@@ -37,6 +38,7 @@ pub(super) struct Scheduler<'a> {
     store: &'a Store,
     options: &'a Options<'a>,
     pub ledger: Ledger<'a>,
+    pub recorder: Recorder<'a>,
     pub sink: &'a mut dyn FnMut(&Event),
     /// Tasks that could start.
     ready: BTreeSet<usize>,
@@ -61,6 +63,7 @@ impl<'a> Scheduler<'a> {
         store: &'a Store,
         options: &'a Options<'a>,
         ledger: Ledger<'a>,
+        recorder: Recorder<'a>,
         sink: &'a mut dyn FnMut(&Event),
     ) -> Self {
         let ends = ledger.status.iter().map(|_| None).collect();
@@ -68,6 +71,7 @@ impl<'a> Scheduler<'a> {
             store,
             options,
             ledger,
+            recorder,
             sink,
             ready: BTreeSet::new(),
             aside: Vec::new(),
@@ -92,15 +96,18 @@ impl<'a> Scheduler<'a> {
     }
 
     /// Announces the run.
-    pub(super) fn begin(&mut self, id: &str) {
+    pub(super) fn begin(&mut self) {
         let pipeline = self.ledger.graph.pipeline;
         let nodes = self.ledger.status.iter().filter(|status| **status != Status::OutOfScope).count();
         (self.sink)(&Event::RunStarted {
-            id: id.to_owned(),
+            id: self.recorder.id().to_owned(),
             pipeline: pipeline.name.clone(),
             file: pipeline.file.display().to_string(),
             nodes,
         });
+        if let Some(warning) = self.recorder.name_clash() {
+            self.warn(None, warning);
+        }
     }
 
     /// Runs until nothing is left that can run.
@@ -120,6 +127,7 @@ impl<'a> Scheduler<'a> {
                     break Ok::<(), PipelineError>(());
                 }
                 self.listen(&receiver);
+                self.update_record();
             }
         })?;
         self.settle();
@@ -162,6 +170,7 @@ impl<'a> Scheduler<'a> {
             self.ready.remove(&task);
             match self.prepare(task) {
                 Ok(Some(assignment)) => {
+                    self.begin_record()?;
                     self.needs.remove(&task);
                     self.running.insert(task, needs);
                     self.ledger.status[task] = Status::Running;
@@ -315,6 +324,10 @@ impl<'a> Scheduler<'a> {
         let (of, node) = (&self.ledger.graph.tasks[task], self.ledger.graph.node(task));
         let made = matches!(outcome, Outcome::Ran | Outcome::Hit);
         let digest = self.ledger.artifacts[task].as_ref().filter(|_| made).map(|artifact| artifact.digest);
+        // Before anybody is told: what is told to be done is not lost.
+        if let Some(key) = self.ledger.keys[task].filter(|_| made) {
+            self.recorder.note(task, &key);
+        }
         (self.sink)(&Event::Node {
             node: of.name.clone(),
             outcome,

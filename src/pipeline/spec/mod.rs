@@ -91,5 +91,13 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
     let seed = declared.seed;
     let (groups, nodes) = connect::connect(declared)?;
     let settings: String = request.sets.iter().map(|setting| format!("# --set {setting}\n")).collect();
-    Ok(Pipeline { name, file: request.file.to_path_buf(), source: settings + text, seed, groups, nodes })
+    Ok(Pipeline {
+        name,
+        file: request.file.to_path_buf(),
+        sets: request.sets.to_vec(),
+        source: settings + text,
+        seed,
+        groups,
+        nodes,
+    })
 }

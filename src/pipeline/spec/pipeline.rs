@@ -13,6 +13,8 @@ pub struct Pipeline {
     pub name: String,
     /// The file as it was named.
     pub file: PathBuf,
+    /// The settings that were applied, in order.
+    pub sets: Vec<String>,
     /// The text of the file, below the settings as comments.
     pub source: String,
     /// The seed of all nodes that name none of their own.

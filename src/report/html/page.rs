@@ -35,7 +35,10 @@ pub fn page(lineage: &Lineage<'_>, results: &str) -> String {
                     (nodes::section(lineage))
                     section id="source" {
                         h2 { "Pipeline file" }
-                        p.muted { code { (run.file) } ", with everything that was set from outside" }
+                        p.muted {
+                            code { (run.file) } ", below the settings of the command line; variables of the environment, such as "
+                            code { "${HOME}" } ", stand as they are written"
+                        }
                         pre { code { (run.source) } }
                     }
                 }
@@ -51,6 +54,8 @@ fn head(run: &Run) -> Markup {
         RunStatus::Finished => ("ran", "finished"),
         RunStatus::Failed => ("bad", "failed"),
         RunStatus::Interrupted => ("left", "interrupted"),
+        RunStatus::Killed => ("left", "killed"),
+        RunStatus::Running => ("left", "running"),
     };
     let mut counts = Counts::default();
     run.nodes.iter().for_each(|node| counts.add(node.outcome));
@@ -63,13 +68,31 @@ fn head(run: &Run) -> Markup {
                 div { dt { "began" } dd { (run.started.replace('T', " ")) } }
                 div { dt { "took" } dd { (seconds(run.wall_s)) } }
                 div { dt { "nodes" } dd { (run.nodes.len()) ": " (tally(&counts)) } }
-                div { dt { "again" } dd { code { "trodden run " (run.file) } } }
+                div { dt { "again" } dd { code { (again(run)) } } }
             }
             nav {
                 a href="#figures" { "Key figures" } a href="#maps" { "Maps" } a href="#training" { "Training" }
                 a href="#gallery" { "Gallery" } a href="#nodes" { "Pipeline" } a href="#source" { "Source" }
             }
         }
+    }
+}
+
+/// Returns the command that runs the same once more.
+fn again(run: &Run) -> String {
+    let sets = run.sets.iter().flat_map(|set| ["--set", set]);
+    let only = run.only.iter().flat_map(|node| ["--only", node]);
+    let words = ["trodden", "run", &run.file].into_iter().chain(sets).chain(only);
+    words.map(quoted).collect::<Vec<_>>().join(" ")
+}
+
+/// Writes a word so that a shell reads it as it is.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        word.to_owned()
+    } else {
+        format!("'{}'", word.replace('\'', "'\\''"))
     }
 }
 
@@ -92,8 +115,8 @@ fn troubles(run: &Run) -> Markup {
                         p { (skipped.join(", ")) }
                     }
                 }
-                @if run.status == RunStatus::Interrupted {
-                    p { "The run was interrupted; what it had finished is here. The same command goes on from there." }
+                @if !matches!(run.status, RunStatus::Finished | RunStatus::Failed) {
+                    p { "The run did not come to its end; what it had finished is here. The same command goes on from there." }
                 }
             }
         }
@@ -103,5 +126,27 @@ fn troubles(run: &Run) -> Markup {
                 @for warning in &run.warnings { p { (warning) } }
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_runs_the_same_again() {
+        let check = |file: &str, sets: &[&str], only: &[&str], expected: &str| {
+            let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
+            let run = Run { file: file.to_owned(), sets: words(sets), only: words(only), ..Run::default() };
+            assert_eq!(again(&run), expected);
+        };
+        check("a/b.yaml", &[], &[], "trodden run a/b.yaml");
+        check(
+            "my maps.yaml",
+            &["labels.classes=4", "crowd.agents=[1, 8]"],
+            &["labels/home_00"],
+            "trodden run 'my maps.yaml' --set labels.classes=4 --set 'crowd.agents=[1, 8]' --only labels/home_00",
+        );
+        check("it's.yaml", &["a=$HOME"], &[], r"trodden run 'it'\''s.yaml' --set 'a=$HOME'");
     }
 }
