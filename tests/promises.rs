@@ -7,6 +7,7 @@ mod death;
 mod edits;
 mod golden;
 mod growth;
+mod records;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;

@@ -6,8 +6,8 @@ use std::process::ExitCode;
 use super::error::CliError;
 use super::request::find_run;
 use super::runs;
-use super::screen::{Screen, bytes, columns};
-use crate::store::{Role, RunNode, RunSummary, Store};
+use super::screen::{Screen, bytes, columns, word};
+use crate::store::{Role, RunNode, Store};
 
 /// Arguments of `ls`.
 #[derive(Debug, clap::Args)]
@@ -72,42 +72,4 @@ impl Args {
 /// The outcome of a node in the word that JSON has for it.
 pub(super) fn outcome(node: &RunNode) -> String {
     word(&node.outcome)
-}
-
-/// Any unit variant in the word that JSON has for it.
-fn word(value: &impl serde::Serialize) -> String {
-    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
-}
-
-/// A table of runs. Pipelines of one name are told apart by their files; what was set and asked for stands at the end.
-pub(super) fn run_table(runs: &[RunSummary]) -> String {
-    let name = |run: &RunSummary| {
-        let mut of_name = runs.iter().filter(|other| other.pipeline == run.pipeline);
-        let alone = of_name.all(|other| other.is_same_pipeline(run) || run.is_same_pipeline(other));
-        if alone { run.pipeline.clone() } else { format!("{} ({})", run.pipeline, run.file) }
-    };
-    let asked = |run: &RunSummary| {
-        let sets = run.sets.iter().map(|set| format!("--set {set}"));
-        sets.chain(run.only.iter().map(|node| format!("--only {node}"))).collect::<Vec<_>>().join(" ")
-    };
-    let row = |run: &RunSummary| {
-        vec![
-            name(run),
-            run.id.clone(),
-            word(&run.status) + if run.keep { ", kept" } else { "" },
-            run.ran.to_string(),
-            run.hit.to_string(),
-            run.failed.to_string(),
-            run.skipped.to_string(),
-            format!("{:.2} s", run.wall_s),
-            asked(run),
-        ]
-    };
-    let mut header = vec!["pipeline", "run", "status", "ran", "hit", "failed", "skipped", "time", "asked for"];
-    let mut rows: Vec<Vec<String>> = runs.iter().map(row).collect();
-    if rows.iter().all(|row| row.last().is_some_and(String::is_empty)) {
-        header.pop();
-        rows.iter_mut().for_each(|row| drop(row.pop()));
-    }
-    columns(&header, &rows)
 }

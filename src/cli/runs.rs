@@ -7,10 +7,9 @@ use std::time::Duration;
 use clap::Subcommand;
 
 use super::error::CliError;
-use super::ls::run_table;
 use super::request::age;
-use super::screen::{Screen, bytes};
-use crate::store::{Prune, Store};
+use super::screen::{Screen, bytes, columns, word};
+use crate::store::{Prune, RunSummary, Store};
 
 /// Arguments of `runs`.
 #[derive(Debug, clap::Args)]
@@ -108,4 +107,37 @@ impl PruneArgs {
         }
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// A table of runs. Pipelines of one name are told apart by their files; what was set and asked for stands at the end.
+pub(super) fn run_table(runs: &[RunSummary]) -> String {
+    let name = |run: &RunSummary| {
+        let mut of_name = runs.iter().filter(|other| other.pipeline == run.pipeline);
+        let alone = of_name.all(|other| other.is_same_pipeline(run) || run.is_same_pipeline(other));
+        if alone { run.pipeline.clone() } else { format!("{} ({})", run.pipeline, run.file) }
+    };
+    let asked = |run: &RunSummary| {
+        let sets = run.sets.iter().map(|set| format!("--set {set}"));
+        sets.chain(run.only.iter().map(|node| format!("--only {node}"))).collect::<Vec<_>>().join(" ")
+    };
+    let row = |run: &RunSummary| {
+        vec![
+            name(run),
+            run.id.clone(),
+            word(&run.status) + if run.keep { ", kept" } else { "" },
+            run.ran.to_string(),
+            run.hit.to_string(),
+            run.failed.to_string(),
+            run.skipped.to_string(),
+            format!("{:.2} s", run.wall_s),
+            asked(run),
+        ]
+    };
+    let mut header = vec!["pipeline", "run", "status", "ran", "hit", "failed", "skipped", "time", "asked for"];
+    let mut rows: Vec<Vec<String>> = runs.iter().map(row).collect();
+    if rows.iter().all(|row| row.last().is_some_and(String::is_empty)) {
+        header.pop();
+        rows.iter_mut().for_each(|row| drop(row.pop()));
+    }
+    columns(&header, &rows)
 }

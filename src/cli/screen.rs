@@ -120,6 +120,12 @@ fn print(text: &str) -> Result<(), CliError> {
     writeln!(io::stdout().lock(), "{text}").map_err(CliError::output)
 }
 
+/// Writes any unit variant in the word that JSON has for it.
+#[must_use]
+pub fn word(value: &impl Serialize) -> String {
+    serde_json::to_value(value).ok().and_then(|value| value.as_str().map(str::to_owned)).unwrap_or_default()
+}
+
 /// Arranges rows in columns: the widest entry decides, numbers stand at the right.
 #[must_use]
 pub fn columns(header: &[&str], rows: &[Vec<String>]) -> String {

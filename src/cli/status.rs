@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use super::error::CliError;
-use super::ls::run_table;
+use super::runs::run_table;
 use super::screen::{Screen, bytes};
 use crate::store::{RunStatus, RunSummary, Store};
 

@@ -7,7 +7,8 @@ fn help_has_examples() {
     let place = Place::empty();
     check("help", &place.out(&["--help"]));
     check("help-run", &place.out(&["run", "--help"]));
-    let commands = "run plan why status ls show sql diff report keep gc verify check schema init annotate completions";
+    let commands =
+        "run plan why status ls runs show sql diff report keep gc verify check schema init annotate completions";
     for command in commands.split(' ') {
         let help = place.out(&[command, "--help"]);
         assert!(help.starts_with(|c: char| c.is_ascii_uppercase()), "{help}");
@@ -107,16 +108,32 @@ fn gc_shows_what_it_would_free_and_then_does() {
     let older = place.out(&["ls", "--runs", "--json"]);
     let older: serde_json::Value = serde_json::from_str(older.lines().last().expect("two runs")).expect("is JSON");
     check("keep-off", &place.out(&["keep", older["id"].as_str().expect("has an id"), "--off"]));
-    // The newest run asked for less: what it did not reach may go.
+    // A run of a part does not take the place of a whole one; a whole one does.
+    assert!(place.out(&["gc", "--dry-run", "--older-than", "0s"]).contains("keeps 28 files"));
+    place.out(&["run", "tiny.yaml", "-q", "--set", "labels.classes=4"]);
     let objects = || std::fs::read_dir(place.path("artifacts/objects")).expect("lists").flatten();
     let count = || objects().map(|folder| std::fs::read_dir(folder.path()).expect("lists").count()).sum::<usize>();
     let before = count();
-    check("gc-dry", &place.out(&["gc", "--dry-run"]));
+    check("gc-young", &place.out(&["gc", "--dry-run"]));
+    check("gc-dry", &place.out(&["gc", "--dry-run", "--older-than", "0s"]));
     assert_eq!(count(), before);
-    check("gc", &place.out(&["gc"]));
+    check("gc", &place.out(&["gc", "--older-than", "0s"]));
     assert!(count() < before);
-    check("gc-again", &place.out(&["gc"]));
+    check("gc-again", &place.out(&["gc", "--older-than", "0s"]));
     check("verify-after-gc", &place.out(&["verify"]));
+}
+
+#[test]
+fn old_runs_are_removed_when_asked_for() {
+    let place = Place::finished();
+    place.out(&["run", "tiny.yaml", "-q"]);
+    place.out(&["run", "tiny.yaml", "-q", "--only", "labels"]);
+    check("runs", &place.out(&["runs"]));
+    check("runs-prune-dry", &place.out(&["runs", "prune", "--keep", "1", "--dry-run"]));
+    check("runs-prune", &place.out(&["runs", "prune", "--keep", "1"]));
+    assert_eq!(place.out(&["runs"]).lines().count(), 3);
+    check("refused-prune", &place.refused(2, &["runs", "prune"]));
+    check("refused-age", &place.refused(2, &["gc", "--older-than", "1 month"]));
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn more_epochs_train_only_the_new_ones_to_the_same_bytes() {
     assert!(read(&place) == read(&fresh), "the weights differ");
 
     // After `gc` only the last epoch is there, and that is enough to go on.
-    let told = place.tell(&["gc", "--json"]);
+    let told = place.tell(&["gc", "--json", "--older-than", "0s"]);
     assert_eq!(told.code, 0, "{}", told.stderr);
     place.run(&["--set", "model.epochs=4"]).ran(&[]);
     place.run(&["--set", "model.epochs=5"]).ran(&["model{,/epoch-05}", TRIED]);
@@ -46,7 +46,7 @@ fn more_epochs_train_only_the_new_ones_to_the_same_bytes() {
 fn collecting_leaves_nothing_to_do() {
     let place = Place::finished();
     let gc = |freed: bool| {
-        let told = place.tell(&["gc", "--json"]);
+        let told = place.tell(&["gc", "--json", "--older-than", "0s"]);
         assert_eq!(told.code, 0, "{}", told.stderr);
         let collected: serde_json::Value = serde_json::from_str(&told.stdout).expect("JSON");
         assert_eq!(collected["objects"]["files"] != 0, freed, "{collected}");
@@ -58,7 +58,7 @@ fn collecting_leaves_nothing_to_do() {
     gc(false);
     // The newest finished run was only asked for a part; `gc` keeps what its record names besides.
     place.run(&["--only", "labels"]).ran(&[]);
-    let told = place.tell(&["gc"]);
+    let told = place.tell(&["gc", "--older-than", "0s"]);
     assert_eq!(told.code, 0, "{}", told.stderr);
     gc(false);
     // What another setting has made goes, and can be made again.
