@@ -76,8 +76,7 @@ impl Known {
     /// # Errors
     /// [`CliError::Store`] if its record cannot be read.
     pub fn latest_run(&self, pipeline: &Pipeline) -> Result<Option<Run>, CliError> {
-        let path = std::fs::canonicalize(&pipeline.file).unwrap_or_else(|_| pipeline.file.clone());
-        let of = |store: &Store| store.latest_run(&pipeline.name, Some(&path.display().to_string()), false);
+        let of = |store: &Store| store.latest_run(&pipeline.name, Some(&store.path_from_here(&pipeline.file)), false);
         Ok(self.0.as_ref().map(of).transpose()?.flatten())
     }
 }

@@ -6,7 +6,7 @@
 
 use std::fs;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Component, Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 use serde_json::ser::Formatter;
@@ -30,7 +30,8 @@ pub struct Run {
     pub pipeline: String,
     /// The pipeline's file as it was named.
     pub file: String,
-    /// The same, absolute and without links; with the name it tells pipelines apart. Empty in records of the first format.
+    /// The way to it from the store's folder, without links; with the name it tells pipelines apart, also when both have been
+    /// moved. Empty in records of the first format.
     #[serde(default)]
     pub path: String,
     /// The settings of the command line, such as `labels.classes=4`, in order.
@@ -229,6 +230,16 @@ impl Store {
             }
         }
         Ok(None)
+    }
+
+    /// Returns the way from the store's folder to a file, without links.
+    #[must_use]
+    pub fn path_from_here(&self, file: &Path) -> String {
+        let canonical = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path));
+        let (Ok(file), Ok(root)) = (canonical(file), canonical(&self.root)) else { return file.display().to_string() };
+        let shared = file.components().zip(root.components()).take_while(|(one, other)| one == other).count();
+        let up = root.components().skip(shared).map(|_| Component::ParentDir);
+        up.chain(file.components().skip(shared)).collect::<PathBuf>().display().to_string()
     }
 
     /// Returns the folder of a run, for its report; the record makes it.

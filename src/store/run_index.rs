@@ -28,7 +28,7 @@ pub struct RunSummary {
     pub sequence: u64,
     /// Name of the pipeline.
     pub pipeline: String,
-    /// The pipeline's file as it was named, and absolute and without links.
+    /// The pipeline's file as it was named, and the way to it from the store's folder.
     pub file: String,
     pub path: String,
     /// The settings of the command line, and what was asked for; everything if that is empty.
@@ -93,7 +93,7 @@ impl RunSummary {
         self.pipeline == newer.pipeline && same_file
     }
 
-    /// Tells whether it ran the file of an absolute path. Records of the first format know only how the file was named.
+    /// Tells whether it ran the file to which a way leads from the store's folder. Records of the first format know only how the file was named.
     #[must_use]
     pub fn is_of(&self, path: &str) -> bool {
         let named = Path::new(&self.file);
@@ -358,16 +358,34 @@ mod tests {
                 Run { pipeline: name.to_owned(), file: file.to_owned(), path: path.to_owned(), ..run("a", 1, vec![]) };
             RunSummary::of(&of)
         };
-        let newer = summary("exp", "exp.yaml", "/home/pa/exp.yaml");
+        let newer = summary("exp", "exp.yaml", "../pa/exp.yaml");
         let check = |older: RunSummary, expected| assert_eq!(older.is_same_pipeline(&newer), expected, "{older:?}");
-        check(summary("exp", "../pa/exp.yaml", "/home/pa/exp.yaml"), true);
-        check(summary("other", "exp.yaml", "/home/pa/exp.yaml"), false);
-        check(summary("exp", "exp.yaml", "/home/pb/exp.yaml"), false);
+        check(summary("exp", "../pa/exp.yaml", "../pa/exp.yaml"), true);
+        check(summary("other", "exp.yaml", "../pa/exp.yaml"), false);
+        check(summary("exp", "exp.yaml", "../pb/exp.yaml"), false);
         // The first format knows only the name that was given.
         check(summary("exp", "exp.yaml", ""), true);
         check(summary("exp", "../pa/exp.yaml", ""), true);
         check(summary("exp", "./pa/exp.yaml", ""), true);
         check(summary("exp", "pb/exp.yaml", ""), false);
+    }
+
+    #[test]
+    fn the_way_to_a_file_stays_when_both_are_moved() {
+        let folder = tempfile::tempdir().expect("creates");
+        let check = |project: &str, file: &str, expected: &str| {
+            let project = folder.path().join(project);
+            let store = Store::open(&project.join("artifacts")).expect("opens");
+            let file = project.join(file);
+            fs::create_dir_all(file.parent().expect("has one")).expect("creates");
+            fs::write(&file, "").expect("writes");
+            assert_eq!(store.path_from_here(&file), expected);
+        };
+        check("one", "exp.yaml", "../exp.yaml");
+        check("moved/far", "exp.yaml", "../exp.yaml");
+        check("one", "pipelines/exp.yaml", "../pipelines/exp.yaml");
+        check("one", "artifacts/exp.yaml", "exp.yaml");
+        check("one", "../other/exp.yaml", "../../other/exp.yaml");
     }
 
     #[test]

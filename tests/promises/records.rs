@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
-use super::{ALL, Place, Told};
+use super::{Place, Told};
 
 /// Frees whatever may go, at any age.
 const GC: &[&str] = &["gc", "--json", "--yes", "--older-than", "0s"];
@@ -62,7 +62,7 @@ fn what_a_killed_run_had_finished_is_kept_and_the_next_goes_on() {
 #[test]
 fn collecting_after_a_failure_frees_nothing_of_it() {
     let place = Place::finished();
-    let failing = &["--set", "walks.episodes=20", "--set", "tiles.min_labeled=256"];
+    let failing = &["--set", "walks.episodes=1", "--set", "tiles.min_labeled=256"];
     let told = place.try_run(failing);
     assert_eq!(told.code, 1, "{}", told.stderr);
     let made = told.with("ran").len();

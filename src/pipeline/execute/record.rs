@@ -1,6 +1,5 @@
 //! Writes down what comes of a run, from its first node on, and gives what it made plain names.
 
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 use super::clock::Begun;
@@ -33,7 +32,7 @@ impl<'a> Recorder<'a> {
             id: begun.id,
             pipeline: pipeline.name.clone(),
             file: pipeline.file.display().to_string(),
-            path: canonical(&pipeline.file),
+            path: store.path_from_here(&pipeline.file),
             sets: pipeline.sets.clone(),
             only: options.only.clone(),
             source: pipeline.source.clone(),
@@ -52,12 +51,14 @@ impl<'a> Recorder<'a> {
     pub(super) fn name_clash(&self) -> Option<String> {
         let runs = self.store.runs().ok()?;
         let of_name = runs.iter().filter(|run| run.pipeline == self.run.pipeline && !run.is_of(&self.run.path));
-        let other = of_name.map(|run| &run.path).find(|path| Path::new(path).exists())?;
+        let place = |path: &str| std::fs::canonicalize(self.store.root().join(path)).ok();
+        let other = of_name.filter(|run| !run.path.is_empty()).find_map(|run| place(&run.path))?;
         Some(format!(
-            "the pipeline `{other}` is called `{name}`, too: `latest/{name}` shows whichever ran last; `name: …` in the \
-             file `{own}` gives it a name of its own",
+            "the pipeline `{}` is called `{name}`, too: `latest/{name}` shows whichever ran last; `name: …` in the file \
+             `{own}` gives it a name of its own",
+            other.display(),
             name = self.run.pipeline,
-            own = self.run.path,
+            own = self.run.file,
         ))
     }
 
@@ -72,12 +73,6 @@ impl<'a> Recorder<'a> {
     fn now(&self, status: RunStatus, nodes: Vec<RunNode>, warnings: Vec<String>) -> Run {
         Run { status, nodes, warnings, wall_s: self.began.elapsed().as_secs_f64(), ..self.run.clone() }
     }
-}
-
-/// Returns the absolute path of a file without links, or as near to it as can be.
-fn canonical(file: &Path) -> String {
-    let path = std::fs::canonicalize(file).or_else(|_| std::path::absolute(file));
-    path.unwrap_or_else(|_| file.to_path_buf()).display().to_string()
 }
 
 impl Scheduler<'_> {
