@@ -92,7 +92,7 @@ impl PruneArgs {
             screen.line(format!("{count} of {} runs would go, {size}", count + planned.kept))?;
         }
         let goes = !self.dry_run && count > 0;
-        let done = goes && (self.yes || screen.ask(&format!("remove {count} runs?"))?);
+        let done = goes && (self.yes || screen.ask("remove their records and reports?")?);
         let pruned = if done { store.prune(&asked(false))? } else { planned };
         if screen.json() {
             screen.object(&serde_json::json!({
@@ -103,7 +103,8 @@ impl PruneArgs {
                 "kept": pruned.kept,
             }))?;
         } else if done {
-            screen.line(format!("removed {} runs, {}", pruned.runs.len(), bytes(pruned.freed.bytes)))?;
+            let all = pruned.runs.len() + pruned.kept;
+            screen.line(format!("removed {} of {all} runs, {}", pruned.runs.len(), bytes(pruned.freed.bytes)))?;
         }
         Ok(ExitCode::SUCCESS)
     }

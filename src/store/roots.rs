@@ -11,9 +11,9 @@ use std::path::Path;
 use super::digest::{Digest, Key};
 use super::file::list;
 use super::object::Artifact;
-use super::run::{Role, Run, RunStatus};
+use super::run::{Run, RunStatus};
 use super::run_index::RunSummary;
-use super::{Store, StoreError};
+use super::{Role, Store, StoreError};
 
 /// What must stay.
 #[derive(Debug, Default)]

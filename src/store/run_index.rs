@@ -28,11 +28,13 @@ pub struct RunSummary {
     pub sequence: u64,
     /// Name of the pipeline.
     pub pipeline: String,
-    /// The pipeline's file as it was named, and the way to it from the store's folder.
+    /// The pipeline's file as it was named.
     pub file: String,
+    /// The way to it from the store's folder.
     pub path: String,
-    /// The settings of the command line, and what was asked for; everything if that is empty.
+    /// The settings of the command line.
     pub sets: Vec<String>,
+    /// What was asked for; everything if it is empty.
     pub only: Vec<String>,
     /// When it began, RFC 3339 in UTC.
     pub started: String,

@@ -16,9 +16,9 @@ use super::error::listed;
 use super::file::{Entry, list_fanned};
 use super::object::{ATTEMPTS, digest_of};
 use super::roots::roots;
-use super::run::{Role, Run};
+use super::run::Run;
 use super::seal::Unread;
-use super::{Artifact, Digest, Key, Store, StoreError};
+use super::{Artifact, Digest, Key, Role, Store, StoreError};
 
 /// How long it waits before it reads again what could not be read.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -61,6 +61,7 @@ pub struct Missing {
 /// Something that could not be read, which is no damage: the disk or the way to it has failed, not the store.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Unreadable {
+    /// Where it lies.
     pub path: PathBuf,
     /// What the system says.
     pub error: String,

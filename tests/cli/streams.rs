@@ -66,6 +66,9 @@ fn odd() -> Place {
     let odd = serde_json::to_string(ODD).expect("is JSON");
     let text = text.replace("\"labels/home_00\"", &odd).replace("\"warnings\":[]", &format!("\"warnings\":[{odd}]"));
     let text = text.replace("\"warnings\": []", &format!("\"warnings\": [{odd}]"));
+    // As the first format had it: without a checksum, which would not be that of the new text.
+    let (body, _) = text.split_once(",\n  \"checksum\"").expect("is sealed");
+    let text = body.replacen("\"format\":2,", "", 1) + "\n}\n";
     std::fs::remove_file(&file).expect("removes");
     std::fs::write(&file, text).expect("writes");
     place

@@ -7,6 +7,7 @@
 mod clock;
 mod options;
 mod record;
+mod recorder;
 mod run_report;
 mod scheduler;
 mod worker;
@@ -37,7 +38,7 @@ pub fn execute(
     let begun = clock::Begun::now();
     let graph = Graph::new(pipeline);
     let ledger = Ledger::new(&graph, store, &options.only, false)?;
-    let recorder = record::Recorder::new(store, pipeline, options, begun);
+    let recorder = recorder::Recorder::new(store, pipeline, options, begun);
     let mut scheduler = scheduler::Scheduler::new(store, options, ledger, recorder, sink);
     scheduler.begin();
     scheduler.run()?;

@@ -6,7 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{Builder, Scope};
 use std::time::{Duration, Instant};
 
-use super::record::Recorder;
+use super::recorder::Recorder;
 use super::worker::{Assignment, Made, Message, Trouble, inputs};
 use super::{Failure, Options};
 use crate::pipeline::error::PipelineError;
