@@ -79,6 +79,9 @@ fn pgms() -> Vec<Vec<u8>> {
     ]
 }
 
+/// Edges of images at which limits lie.
+const SIDES: [u16; 8] = [0, 1, 5000, 8000, 9459, 13000, 20000, 65535];
+
 fn pgm(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
     let mut input = dice.of(seeds).clone();
     times(dice, |dice| {
@@ -246,6 +249,13 @@ fn png(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
                     *data = stored(&raw);
                 }
             }
+            7 if dice.one_in(100) => {
+                let side = |dice: &mut Dice| u32::from(*dice.of(&SIDES)).to_be_bytes();
+                let sides = [side(dice), side(dice)].concat();
+                if let Some(place) = chunks[0].1.get_mut(..8) {
+                    place.copy_from_slice(&sides);
+                }
+            }
             7 => bytes(dice, &mut chunks[0].1, seeds),
             _ => bytes(dice, &mut chunks[at].1, seeds),
         }
@@ -295,7 +305,14 @@ fn jpeg(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
             4 => parts[at].0 = *dice.of(&[0xc0, 0xc1, 0xc2, 0xc4, 0xcc, 0xdb, 0xdd, 0xe0, 0xe1, 0xee, 0xd0]),
             5 => {
                 if let Some((_, frame)) = parts.iter_mut().find(|part| (0xc0..=0xc2).contains(&part.0)) {
-                    bytes(dice, frame, seeds);
+                    if dice.one_in(100) {
+                        let sides = [dice.of(&SIDES).to_be_bytes(), dice.of(&SIDES).to_be_bytes()].concat();
+                        if let Some(place) = frame.get_mut(1..5) {
+                            place.copy_from_slice(&sides);
+                        }
+                    } else {
+                        bytes(dice, frame, seeds);
+                    }
                 }
             }
             _ => bytes(dice, &mut parts[at].1, seeds),

@@ -29,4 +29,4 @@ pub use picture::{DECODER_THREAD, is_image};
 pub use regions::{neighbors4, regions};
 pub use resample::refined;
 pub use ros::{MapYaml, Mode};
-pub use samples::MOST_PIXELS;
+pub use samples::{MOST_CELLS, MOST_PIXELS};

@@ -7,7 +7,7 @@ use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageRea
 
 use super::error::MapImportError;
 use super::pnm;
-use super::samples::{MOST_PIXELS, Samples};
+use super::samples::{MOST_BYTES, MOST_PIXELS, Samples};
 use crate::domain::geometry::{Cell, Grid};
 
 /// The name of the thread that decodes images: what panics there is reported as an error, so nobody need print it.
@@ -238,13 +238,19 @@ fn decode(bytes: &[u8]) -> Result<(DynamicImage, ImageFormat, u16), MapImportErr
     let mut reader = ImageReader::new(Cursor::new(bytes));
     reader.set_format(format);
     let mut limits = Limits::no_limits();
-    // 16 bits in each of four channels.
-    limits.max_alloc = Some(8 * MOST_PIXELS);
+    limits.max_alloc = Some(MOST_BYTES);
     reader.limits(limits);
     let decoder = reader.into_decoder().map_err(damaged)?;
     let (width, height) = decoder.dimensions();
-    if u64::from(width) * u64::from(height) > MOST_PIXELS {
-        return Err(MapImportError::TooManyPixels { width: width.into(), height: height.into(), most: MOST_PIXELS });
+    if width == 0 || height == 0 {
+        // Some decoders make room for rows that have no pixels.
+        return Err(MapImportError::ImageCutShort);
+    }
+    // The decoder of JPEG keeps twelve bytes for each sample beside what it decodes.
+    let kept = if format == ImageFormat::Jpeg { 12 } else { 0 } * u64::from(decoder.color_type().channel_count());
+    let most = MOST_PIXELS.min(MOST_BYTES / (u64::from(decoder.color_type().bytes_per_pixel()) + kept));
+    if u64::from(width) * u64::from(height) > most {
+        return Err(MapImportError::TooManyPixels { width: width.into(), height: height.into(), most });
     }
     let depth = match (format, decoder.original_color_type()) {
         // The decoder of PNG does not tell: depth and kind of color stand in its header.
@@ -467,6 +473,23 @@ mod tests {
         let bomb = b"P5 100000 100000 255\n\0";
         let error = classify(bomb, half).expect_err("ten thousand million pixels");
         assert!(matches!(error, MapImportError::TooManyPixels { width: 100_000, .. }), "{error}");
+    }
+
+    #[test]
+    fn an_image_without_pixels_is_refused_whatever_its_other_side() {
+        for empty in [&b"P4 0 2147483647\n\0"[..], b"P1 2147483647 0\n0", b"P6 0 4294967295 255\n\0"] {
+            let error = classify(empty, half).expect_err("nothing");
+            assert!(matches!(error, MapImportError::ImageCutShort | MapImportError::Image { .. }), "{error}");
+        }
+    }
+
+    #[test]
+    fn an_image_that_takes_more_than_a_gibibyte_decoded_is_refused() {
+        let encoded = |header: &str| classify(header.as_bytes(), half).expect_err("cut short or too large");
+        // 196 million pixels: one byte each is too few to matter, six bytes each are 1.2 GB.
+        assert!(!matches!(encoded("P5 14000 14000 255\n"), MapImportError::TooManyPixels { .. }));
+        let error = encoded("P6 14000 14000 65535\n");
+        assert!(matches!(error, MapImportError::TooManyPixels { most: 178_956_970, .. }), "{error}");
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use super::error::MapImportError;
 use super::picture::Pixel;
 use super::ratio::Ratio;
-use super::samples::MOST_PIXELS;
+use super::samples::MOST_CELLS;
 use super::separation::{Count, Spans, separate};
 use crate::domain::geometry::{Cell, Frame, Grid};
 
@@ -16,7 +16,7 @@ use crate::domain::geometry::{Cell, Frame, Grid};
 /// an occupied pixel blocks, and at least half of the cell's area within the image must be free.
 ///
 /// # Errors
-/// [`MapImportError::TooManyPixels`] if the grid would have more than [`MOST_PIXELS`] cells.
+/// [`MapImportError::TooManyPixels`] if the grid would have more than [`MOST_CELLS`] cells.
 pub(super) fn resample(
     pixels: &Grid<Pixel>,
     frame: &Frame,
@@ -24,8 +24,8 @@ pub(super) fn resample(
 ) -> Result<(Grid<bool>, Frame), MapImportError> {
     let ratio = Ratio::of(frame.resolution, resolution);
     let (rows, cols) = (ratio.cells(pixels.rows()), ratio.cells(pixels.cols()));
-    if rows.saturating_mul(cols) > MOST_PIXELS {
-        return Err(MapImportError::TooManyPixels { width: cols, height: rows, most: MOST_PIXELS });
+    if rows.saturating_mul(cols) > MOST_CELLS {
+        return Err(MapImportError::TooManyPixels { width: cols, height: rows, most: MOST_CELLS });
     }
     let target = Frame { resolution, rows: rows as usize, cols: cols as usize, ..*frame };
     let free =
