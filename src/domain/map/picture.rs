@@ -246,8 +246,8 @@ fn decode(bytes: &[u8]) -> Result<(DynamicImage, ImageFormat, u16), MapImportErr
         // Some decoders make room for rows that have no pixels.
         return Err(MapImportError::ImageCutShort);
     }
-    // The decoder of JPEG keeps twelve bytes for each sample beside what it decodes.
-    let kept = if format == ImageFormat::Jpeg { 12 } else { 0 } * u64::from(decoder.color_type().channel_count());
+    // The decoder of JPEG keeps twelve bytes for each pixel beside what it decodes.
+    let kept = if format == ImageFormat::Jpeg { 12 } else { 0 };
     let most = MOST_PIXELS.min(MOST_BYTES / (u64::from(decoder.color_type().bytes_per_pixel()) + kept));
     if u64::from(width) * u64::from(height) > most {
         return Err(MapImportError::TooManyPixels { width: width.into(), height: height.into(), most });
