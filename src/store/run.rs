@@ -281,7 +281,7 @@ impl Store {
     /// and this run made nothing. Returns where it is.
     pub fn share_report(&self, run: &Run) -> Option<PathBuf> {
         let idle = run.nodes.iter().all(|node| matches!(node.outcome, Outcome::Hit | Outcome::Skipped));
-        if !idle || run.status != RunStatus::Finished || !run.warnings.is_empty() {
+        if !idle || run.status != RunStatus::Finished {
             return None;
         }
         let runs = self.index().ok()?;
@@ -290,6 +290,7 @@ impl Store {
         let report = with_report.map(|folder| folder.join("report.html")).find(|report| report.is_file())?;
         let older = self.read_run(report.parent()?.file_name()?.to_str()?).ok()??;
         let same = (&older.source, &older.only, older.status) == (&run.source, &run.only, run.status)
+            && older.warnings == run.warnings
             && older.nodes.len() == run.nodes.len()
             && older.nodes.iter().zip(&run.nodes).all(|(older, newer)| {
                 (&older.node, &older.key, &older.artifact) == (&newer.node, &newer.key, &newer.artifact)

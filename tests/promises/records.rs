@@ -108,6 +108,11 @@ fn pipelines_of_one_name_leave_each_other_alone() {
     run("pa/exp.yaml").ran(&[]);
     run("pb/exp.yaml").ran(&[]);
     assert!(place.tell(&["status"]).stdout.contains("exp (pa/exp.yaml)"));
+    // The warning is the same each time, so the report is, too.
+    run("pb/exp.yaml").ran(&[]);
+    let newest = runs(&place)[0]["id"].as_str().expect("text").to_owned();
+    let report = place.at(&format!("artifacts/runs/{newest}/report.html")).metadata().expect("has a report");
+    assert!(std::os::unix::fs::MetadataExt::nlink(&report) > 1);
 }
 
 #[test]
