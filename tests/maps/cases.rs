@@ -40,12 +40,13 @@ fn maps_have_the_right_cells() {
     let all = ImportConfig { region: Region::All, ..ImportConfig::default() };
     assert!(cells("thin-u128-1px-002/map.yaml", &all).abs_diff(2964) <= 60);
     assert_eq!(cells("two-floors-equal/map.yaml", &all), 2 * cells("two-floors-equal/map.yaml", &usual));
-    // These are one map in several spellings; only the JPEG rounds its walls a little.
+    // These are one map in several spellings.
     let same = cells("negate-q0q/map.yaml", &usual);
     for path in ["mode-Trinary/map.yaml", "pgm-comment-nospace/map.yaml", "thr-equal-01/map.yaml"] {
         assert_eq!(cells(path, &usual), same, "{path}");
     }
-    assert!(cells("jpg-unknown-f025-q75/map.yaml", &usual) <= same);
+    // The same with ten by eight cells of unknown space in the room, which JPEG has rippled.
+    assert!(cells("jpg-unknown-f025-q75/map.yaml", &usual).abs_diff(same - 80) <= 5);
 }
 
 #[test]

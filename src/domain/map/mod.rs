@@ -6,6 +6,7 @@ mod error;
 mod form;
 mod import;
 mod indoors;
+mod jpeg;
 mod occupancy;
 mod picture;
 mod pnm;

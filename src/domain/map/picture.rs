@@ -6,17 +6,17 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use image::{DynamicImage, ExtendedColorType, ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::error::MapImportError;
-use super::pnm;
 use super::samples::{MOST_BYTES, MOST_PIXELS, Samples};
+use super::{jpeg, pnm};
 use crate::domain::geometry::{Cell, Grid};
 
 /// The name of the thread that decodes images: what panics there is reported as an error, so nobody need print it.
 pub const DECODER_THREAD: &str = "image decoder";
 
 /// The gray value that `map_saver` writes for unknown space, of 255.
-const UNKNOWN: u32 = 205;
-/// How far JPEG may move it.
-const JPEG_ERROR: u32 = 2;
+const UNKNOWN: u8 = 205;
+/// How far JPEG may move it by rounding.
+const JPEG_ERROR: u8 = 2;
 
 /// What a pixel says about the floor.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -48,6 +48,7 @@ pub(super) struct Picture {
     pixels: Pixels,
     /// The samples, in their own scale, that stand for unknown space.
     unknown: Vec<u32>,
+    is_jpeg: bool,
 }
 
 #[derive(Debug)]
@@ -98,13 +99,13 @@ impl Picture {
     fn pgm(bytes: &[u8]) -> Result<Self, MapImportError> {
         let pnm::Pgm { width, height, max, samples } = pnm::read(bytes)?;
         let unknown = unknown_samples(max.into());
-        Ok(Self { rows: height, cols: width, pixels: Pixels::Gray { samples, max }, unknown })
+        Ok(Self { rows: height, cols: width, pixels: Pixels::Gray { samples, max }, unknown, is_jpeg: false })
     }
 
     fn other(bytes: &[u8]) -> Result<Self, MapImportError> {
         let (image, format, depth) = decode(bytes)?;
         let unknown = if format == ImageFormat::Jpeg {
-            (UNKNOWN - JPEG_ERROR..=UNKNOWN + JPEG_ERROR).collect()
+            (UNKNOWN - JPEG_ERROR..=UNKNOWN + JPEG_ERROR).map(u32::from).collect()
         } else {
             // Fewer bits have been spread over all of the 8 or 16.
             let max = (1u32 << depth.clamp(1, 16)) - 1;
@@ -130,7 +131,21 @@ impl Picture {
             DynamicImage::ImageRgb16(image) => Pixels::Channels { samples: Samples::Deep(image.into_raw()), count: 3 },
             deep => Pixels::Channels { samples: Samples::Deep(deep.to_rgba16().into_raw()), count: 4 },
         };
-        Ok(Self { rows, cols, pixels, unknown })
+        Ok(Self { rows, cols, pixels, unknown, is_jpeg: format == ImageFormat::Jpeg })
+    }
+
+    /// Gives areas of unknown space one gray again if a JPEG has rippled them; for maps of `map_saver`.
+    pub(super) fn settle_unknown(&mut self) {
+        let count = match &self.pixels {
+            Pixels::Gray { .. } => 1,
+            Pixels::Channels { count, .. } => *count,
+        };
+        let (Pixels::Gray { samples, .. } | Pixels::Channels { samples, .. }) = &mut self.pixels;
+        if let Samples::Bytes(bytes) = samples
+            && self.is_jpeg
+        {
+            jpeg::settle(bytes, self.cols, count, UNKNOWN, JPEG_ERROR);
+        }
     }
 
     /// Returns the number of pixels.
@@ -192,8 +207,9 @@ pub(super) fn is_lfs_pointer(bytes: &[u8]) -> bool {
 
 /// Returns the samples, of `max` for white, that 205 of 255 becomes, whether it is rounded or shifted.
 fn unknown_samples(max: u32) -> Vec<u32> {
-    let rounded = (2 * UNKNOWN * max + 255) / 510;
-    let shifted = UNKNOWN * (max + 1) / 256;
+    let unknown = u32::from(UNKNOWN);
+    let rounded = (2 * unknown * max + 255) / 510;
+    let shifted = unknown * (max + 1) / 256;
     let low = rounded.min(shifted);
     // So few levels that it would be white or black mean nothing.
     (low..=rounded).filter(|sample| *sample > 0 && *sample < max).collect()
