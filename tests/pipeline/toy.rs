@@ -69,7 +69,8 @@ pub struct Common {
     hang: bool,
     /// Fails for the member whose map says so.
     fail: String,
-    /// Says that this is odd, and goes on.
+    /// Says that this is odd, and goes on. It came after the golden keys and leaves them as they were.
+    #[serde(skip_serializing_if = "String::is_empty")]
     odd: String,
     /// Panics.
     panic: bool,
