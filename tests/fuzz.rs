@@ -39,15 +39,18 @@ const MOST_FAILURES: usize = 20;
 /// Tells a process of this binary what to run: `TARGET FIRST CASES FILE`.
 const CHILD: &str = "TRODDEN_FUZZ_CHILD";
 
+/// Makes an input of good ones.
+type Mutate = dyn Fn(&mut Dice, &[Vec<u8>]) -> Vec<u8>;
+/// Parses an input and uses what comes out; returns whether it was accepted.
+type Parse = dyn FnMut(&[u8]) -> bool;
+
 /// A parser, and how to feed it.
 struct Target {
     name: &'static str,
     /// Good inputs.
     seeds: Vec<Vec<u8>>,
-    /// Makes an input of them.
-    mutate: Box<dyn Fn(&mut Dice, &[Vec<u8>]) -> Vec<u8>>,
-    /// Parses, and uses what comes out; returns whether the input was accepted.
-    run: Box<dyn FnMut(&[u8]) -> bool>,
+    mutate: Box<Mutate>,
+    run: Box<Parse>,
 }
 
 impl Target {

@@ -4,6 +4,7 @@
 //! number of rows, an encoding per column, statistics per row group, no page index, `created_by` without a version.
 //! Metadata are sorted by key and always hold `kind`, `format` and `units` (a JSON object of column to unit).
 
+mod footer;
 mod read;
 
 use std::collections::BTreeMap;

@@ -132,7 +132,7 @@ impl Sources {
             return Some(Target::Item(here.file.clone()));
         }
         if self.has(&module, first) {
-            return self.descend([module.as_slice(), &[first.clone()]].concat(), rest, depth);
+            return self.descend([module.as_slice(), std::slice::from_ref(first)].concat(), rest, depth);
         }
         if let Some(path) = here.names.get(first) {
             return match self.resolve(&module, path, depth + 1)? {

@@ -5,21 +5,21 @@ use serde::{Deserialize, Serialize};
 
 use crate::domain::unet::DeviceName;
 
-/// Parameters of annotation; what is left out is as in brackets.
+/// Parameters of annotation; each may be left out.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct AnnotateFields {
-    /// Where the network looks: at the whole map (`dense`) or at sliding windows (`exact`, the paper's) [dense; exact where
-    /// `stride` or `overlap` is given].
+    /// Where the network looks: at the whole map (`dense`) or at sliding windows (`exact`, the paper's);
+    /// by default dense, and exact where `stride` or `overlap` is given.
     pub mode: Option<ModeName>,
-    /// Distance between neighboring windows in cells, from 1 to the window's size; the paper's is 1 (exact mode) [4].
+    /// Distance between neighboring windows in cells, from 1 to the window's size; the paper's is 1 (exact mode); by default 4.
     #[schemars(range(min = 1, max = 512))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub stride: Option<u32>,
-    /// Which cells of a window count; `none` and `per-pixel` are the paper's ablations (exact mode) [full].
+    /// Which cells of a window count; `none` and `per-pixel` are the paper's ablations (exact mode); by default full.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overlap: Option<OverlapName>,
-    /// How many of the 64 offsets modulo 8 are averaged, 1 to 64 (dense mode) [64].
+    /// How many of the 64 offsets modulo 8 are averaged, 1 to 64 (dense mode); by default 64.
     #[schemars(range(min = 1, max = 64))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offsets: Option<u32>,

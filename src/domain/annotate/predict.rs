@@ -14,7 +14,7 @@ pub trait Predict: Sync {
     /// `out` gets the probabilities, shape [n, rows, cols, C + 1], class 0 the obstacle.
     fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]);
 
-    /// Returns whether windows of `size`² cells cost less in [columns](Self::columns) than as images.
+    /// Returns whether windows of `size`² cells cost less in [columns](Self::column) than as images.
     fn shares_columns(&self, size: usize) -> bool;
 
     /// Predicts the windows that begin at the rows `tops`, multiples of 8, of a column of cells that is as wide as they

@@ -97,13 +97,13 @@ pub struct CrowdFields {
     /// Seconds of one episode [60; `igibson`: 50, which is 500 steps].
     #[schemars(range(min = 0.1, max = 86400.0))]
     pub duration: Option<f64>,
-    /// Distance in meters within which an agent sees others [5].
+    /// Distance in meters within which an agent sees others [5 m].
     #[schemars(range(min = 0.1, max = 100.0))]
     pub neighbor_distance: Option<f64>,
-    /// Most others that an agent heeds, the nearest first [10].
+    /// Most others that an agent heeds, the nearest first [10 others].
     #[schemars(range(max = 1000))]
     pub max_neighbors: Option<usize>,
-    /// Seconds for which velocities must be free of collisions with others [2].
+    /// Seconds for which velocities must be free of collisions with others [2 s].
     #[schemars(range(min = 0.1, max = 60.0))]
     pub horizon: Option<f64>,
     /// Seconds for which velocities must be free of collisions with walls [0.5; `igibson`: 2].
@@ -112,7 +112,7 @@ pub struct CrowdFields {
     /// Distance in meters that starts and goals keep from walls, beyond the radius [0.1; `igibson`: 0].
     #[schemars(range(min = 0.0, max = 10.0))]
     pub margin: Option<f64>,
-    /// Least length in meters of the way to a new goal [4].
+    /// Least length in meters of the way to a new goal [4 m].
     #[schemars(range(min = 0.0, max = 1000.0))]
     pub goal_distance: Option<f64>,
     /// Standard deviation of the noise on preferred velocities, as a share of the preferred speed [0.05].

@@ -243,7 +243,8 @@ mod tests {
     fn a_resolution_in_float32_gives_the_same_cells() {
         let rows: Vec<Vec<u8>> = (0..200)
             .map(|row: usize| {
-                let wall = |col| (row % 50 == 0 || col % 50 == 0) && (row + col) % 50 > 20;
+                let wall =
+                    |col| (usize::is_multiple_of(row, 50) || usize::is_multiple_of(col, 50)) && (row + col) % 50 > 20;
                 (0..700usize).map(|col| 254 * u8::from(!wall(col))).collect()
             })
             .collect();

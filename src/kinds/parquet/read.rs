@@ -13,7 +13,7 @@ use parquet::arrow::arrow_reader::{
 };
 use parquet::file::metadata::KeyValue;
 
-use super::Column;
+use super::{Column, footer};
 use crate::domain::geometry::{Frame, Point};
 use crate::kinds::KindError;
 
@@ -276,6 +276,10 @@ fn alike(expected: &DataType, found: &DataType) -> bool {
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
 fn open(bytes: Bytes) -> Result<(Bytes, ArrowReaderMetadata), AnyError> {
+    let has_footer = bytes.len() > 8 && bytes.ends_with(b"PAR1");
+    if has_footer && !footer::has_sound_schema(&bytes) {
+        return Err("its schema does not hold together".into());
+    }
     let opened = guarded(|| Ok(ArrowReaderMetadata::load(&bytes, ArrowReaderOptions::new())?))?;
     // The reader takes these on trust.
     let end = i64::try_from(bytes.len()).expect("no memory holds 2⁶³ bytes");

@@ -113,7 +113,7 @@ unsafe fn column<V: Lanes, const C: usize, const N: usize>(
 /// Adds up one tile over a block of rows.
 ///
 /// # Safety
-/// As for [`column`]; `offset` is that of a tap and a channel, with `C` channels from there on.
+/// As for [`column()`]; `offset` is that of a tap and a channel, with `C` channels from there on.
 #[inline(always)]
 unsafe fn tile<V: Lanes, const C: usize, const N: usize>(
     correlation: &Correlation<'_>,

@@ -3,7 +3,7 @@
 //! burn sees one operation, [`UnetLoss`]: from the parameters to the loss of a batch. It computes the gradients on the
 //! way, image by image, so that no feature map outlives its image; the backward step hands them over.
 //!
-//! - [`pass`]: the network on one image, forward and back; [`column`]: on windows that share most of it;
+//! - [`pass`]: the network on one image, forward and back; [`column`](mod@column): on windows that share most of it;
 //! - [`parameters`]: the parameters as the kernels read them, and the sums of their gradients;
 //! - [`image`]: feature maps in memory; [`lanes`]: registers of each instruction set, [`dispatch`](mod@dispatch) chooses one;
 //! - [`convolution`], [`correlation`]: the two kernels that take nearly all of the time, the only ones in intrinsics;
