@@ -5,9 +5,9 @@ use std::fs::{self, OpenOptions};
 use std::io;
 use std::path::PathBuf;
 
+use super::damage::Missing;
 use super::error::failed;
 use super::run::Run;
-use super::verify::Missing;
 use super::{Store, StoreError};
 
 impl Store {

@@ -1,49 +1,17 @@
-//! Locks a key, so that of two who want the same node one makes it and the other takes what came out.
+//! Takes and awaits locks of files, and tells one that somebody has from one that cannot be had.
 
 use std::fs::{self, File, OpenOptions, TryLockError};
 use std::io;
 use std::os::unix::fs::MetadataExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use super::error::{failed, stopped};
-use super::{Key, Store, StoreError};
+use super::error::stopped;
 
 /// How soon, and at most how late, one who waits for a lock tries again.
 const SOON: Duration = Duration::from_millis(1);
 const LATE: Duration = Duration::from_millis(50);
-
-/// The right to make a node; it ends with this value or with the process, however that ends.
-#[derive(Debug)]
-pub struct KeyLock {
-    path: PathBuf,
-    _file: File,
-}
-
-impl Store {
-    /// Locks a key; `None` while another process or another thread has it.
-    ///
-    /// # Errors
-    /// If the lock's file cannot be made.
-    pub fn try_lock(&self, key: &Key) -> Result<Option<KeyLock>, StoreError> {
-        let path = self.root.join("locks").join(key.to_hex());
-        loop {
-            let file = open_lock(&path).and_then(|file| Ok(try_lock(&file)?.then_some(file)));
-            let Some(file) = file.map_err(failed(&self.root, "lock", &path))? else { return Ok(None) };
-            if is_still(&file, &path) {
-                return Ok(Some(KeyLock { path, _file: file }));
-            }
-        }
-    }
-
-    /// Waits for one of the store's own short locks.
-    pub(super) fn lock_name(&self, name: &str) -> Result<File, StoreError> {
-        let path = self.root.join("locks").join(name);
-        let file = open_lock(&path).and_then(|file| uninterrupted(|| file.lock()).map(|()| file));
-        file.map_err(failed(&self.root, "lock", &path))
-    }
-}
 
 /// Opens the file of a lock; makes it, and the folder it is in, where they are not there.
 pub(super) fn open_lock(path: &Path) -> io::Result<File> {
@@ -109,7 +77,7 @@ pub(super) fn open_existing(path: &Path) -> io::Result<File> {
 }
 
 /// Tells whether a path still names an open file: whoever had the lock before may have removed it since it was opened.
-fn is_still(file: &File, path: &Path) -> bool {
+pub(super) fn is_still(file: &File, path: &Path) -> bool {
     match (file.metadata(), fs::metadata(path)) {
         (Ok(open), Ok(named)) => (open.dev(), open.ino()) == (named.dev(), named.ino()),
         _ => false,
@@ -122,15 +90,10 @@ pub(super) fn remove_stale(path: &Path) -> bool {
     matches!(try_lock(&file), Ok(true)) && is_still(&file, path) && fs::remove_file(path).is_ok()
 }
 
-impl Drop for KeyLock {
-    fn drop(&mut self) {
-        // While it is held: who opened it before sees by `is_still` that it is gone.
-        let _ = fs::remove_file(&self.path);
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::StoreError;
+    use super::super::error::failed;
     use super::*;
 
     #[test]

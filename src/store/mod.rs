@@ -31,14 +31,17 @@
 //! Objects and recipes are synced one by one. Folders are synced once a run, when its record is written: what a power cut
 //! could undo before that is a rename, and an object or recipe that is not there is only made again.
 
+mod artifact;
 mod bounded;
 mod cache;
 mod collect;
+mod damage;
 mod digest;
 mod error;
 mod file;
 mod journal;
 mod keep;
+mod key_lock;
 mod latest;
 mod lock;
 mod machine;
@@ -51,6 +54,7 @@ mod roots;
 mod run;
 mod run_index;
 mod seal;
+mod seen;
 mod session;
 mod source;
 #[cfg(test)]
@@ -65,27 +69,28 @@ use std::sync::{Arc, Mutex};
 
 use serde::{Deserialize, Serialize};
 
+pub use artifact::{Artifact, FileRef};
 pub use bounded::{open_regular, read_bounded};
 pub use cache::Cache;
 pub use collect::{Collect, Collected, DAY, Freed};
+pub use damage::{Damage, Damaged, Missing, Unreadable, VerifyReport};
 pub use digest::{Digest, DigestError, Key};
 pub use error::StoreError;
 pub use file::write_whole;
 pub use journal::Journal;
+pub use key_lock::KeyLock;
 pub use latest::LatestEntry;
-pub use lock::KeyLock;
 pub use node_name::{NodeName, NodePart, Role};
-pub use object::{Artifact, FileRef, ObjectWriter};
+pub use object::ObjectWriter;
 pub use prune::{Prune, Pruned};
 pub use recipe::{Difference, InputDigest, Recipe, Record, Remembered};
 pub use run::{Outcome, Run, RunNode, RunStatus};
 pub use run_index::RunSummary;
-pub use verify::{Damage, Damaged, Missing, Unreadable, VerifyReport};
 
 use error::failed;
 use file::{RECORD_MODE, Temporary, list, sync_folder};
+use seen::Sources;
 use session::{Gate, Session, unique};
-use source::Sources;
 
 /// The format of the store's folder that this version reads and writes.
 const FORMAT: u64 = 1;

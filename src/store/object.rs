@@ -4,39 +4,17 @@ use std::fs::File;
 use std::io::{self, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::bounded::open_regular;
 use super::error::failed;
 use super::file::{Temporary, check_name, fanned};
-use super::{Digest, Store, StoreError};
+use super::{Artifact, Digest, FileRef, Store, StoreError};
 
 /// How often an object is read before it counts as damaged: what was wrong may have been the way, not the disk.
 pub(super) const ATTEMPTS: usize = 2;
 /// How much of a file is in memory while it is hashed.
 const BLOCK: usize = 1 << 18;
-
-/// A file in the store.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-pub struct FileRef {
-    /// Name within a bundle; empty for a single file.
-    pub name: String,
-    /// Digest of its content.
-    pub digest: Digest,
-    /// Its size in bytes.
-    pub bytes: u64,
-}
-
-/// What a node yields: a single file, or a bundle of named ones.
-///
-/// The digest of a single file is that of its content; a bundle's is that of its manifest, an object that lists the files.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Artifact {
-    /// Digest of the file, or of the bundle's manifest.
-    pub digest: Digest,
-    /// Its files in order of their names.
-    pub files: Vec<FileRef>,
-}
 
 /// The object that stands for a bundle.
 #[derive(Serialize)]
@@ -44,38 +22,6 @@ struct Manifest<'a> {
     kind: &'a str,
     format: u32,
     files: &'a [FileRef],
-}
-
-impl Artifact {
-    /// Makes the artifact of one file; it loses its name.
-    #[must_use]
-    pub fn single(file: FileRef) -> Self {
-        Self { digest: file.digest, files: vec![FileRef { name: String::new(), ..file }] }
-    }
-
-    /// Tells whether it has named files.
-    #[must_use]
-    pub fn is_bundle(&self) -> bool {
-        !matches!(self.files.as_slice(), [file] if file.name.is_empty() && file.digest == self.digest)
-    }
-
-    /// Returns the file of a name; a single file's is empty.
-    #[must_use]
-    pub fn file(&self, name: &str) -> Option<&FileRef> {
-        self.files.iter().find(|file| file.name == name)
-    }
-
-    /// Returns the size of all files in bytes, without the manifest.
-    #[must_use]
-    pub fn bytes(&self) -> u64 {
-        self.files.iter().map(|file| file.bytes).sum()
-    }
-
-    /// Yields the objects it consists of: the files and the manifest of a bundle.
-    pub fn objects(&self) -> impl Iterator<Item = Digest> {
-        let manifest = self.is_bundle().then_some(self.digest);
-        self.files.iter().map(|file| file.digest).chain(manifest)
-    }
 }
 
 impl Store {

@@ -6,10 +6,10 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize, Serializer};
 use serde_json::Value;
 
+use super::damage::{Damage, Damaged};
 use super::error::failed;
 use super::file::{fanned, list_fanned};
 use super::seal::{self, Unread};
-use super::verify::{Damage, Damaged};
 use super::{Artifact, Digest, Key, Store, StoreError};
 
 /// The digests at one port.

@@ -8,9 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::Path;
 
+use super::artifact::Artifact;
 use super::digest::{Digest, Key};
 use super::file::list;
-use super::object::Artifact;
 use super::run::{Run, RunStatus};
 use super::run_index::RunSummary;
 use super::{Role, Store, StoreError};

@@ -1,6 +1,5 @@
 //! Recognizes files outside of the store that have not changed, without reading them.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::io::{self, Read};
 use std::os::unix::fs::MetadataExt;
@@ -8,74 +7,16 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use serde::{Deserialize, Serialize};
-
 use super::bounded::open_regular;
 use super::error::{failed, stopped};
 use super::object::digest_of;
 use super::seal::{self, Unread};
-use super::verify::Damaged;
-use super::{Digest, Store, StoreError};
+use super::seen::{Known, Seen, load, read};
+use super::{Damaged, Digest, Store, StoreError};
 
 /// How much older than its record a file must be, in nanoseconds: file systems keep times as coarse as this, so a file that was
 /// changed within it after it was read may look unchanged.
 const SLACK: i128 = 2_000_000_000;
-
-/// What a file looked like when it was read, and what was in it.
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-struct Seen {
-    digest: Digest,
-    size: u64,
-    /// Nanoseconds since 1970 of the last change of content, as the owner may set it.
-    modified: i128,
-    /// Nanoseconds since 1970 of the last change of anything, as nobody may set it.
-    changed: i128,
-    /// When it was read, before the first byte, in nanoseconds since 1970.
-    read: i128,
-}
-
-/// What is known of files outside.
-#[derive(Debug)]
-pub(super) struct Sources {
-    path: PathBuf,
-    /// `None` until it is needed.
-    seen: Option<BTreeMap<PathBuf, Seen>>,
-    dirty: bool,
-}
-
-impl Sources {
-    pub(super) fn new(root: &Path) -> Self {
-        Self { path: root.join("sources.json"), seen: None, dirty: false }
-    }
-
-    fn seen(&mut self) -> &mut BTreeMap<PathBuf, Seen> {
-        self.seen.get_or_insert_with(|| load(&self.path))
-    }
-}
-
-/// The record of what is known.
-#[derive(Default, Serialize, Deserialize)]
-struct Known {
-    format: u32,
-    files: BTreeMap<PathBuf, Seen>,
-}
-
-/// Reads what is known; what cannot be understood is only worth reading the files again.
-fn load(path: &Path) -> BTreeMap<PathBuf, Seen> {
-    read(path).unwrap_or_default()
-}
-
-fn read(path: &Path) -> Result<BTreeMap<PathBuf, Seen>, Unread> {
-    match seal::read::<Known>(path) {
-        Ok((known, _)) => Ok(known.files),
-        // The first format was the files alone.
-        Err(Unread::Damaged(error)) => match seal::read::<BTreeMap<PathBuf, Seen>>(path) {
-            Ok((files, _)) => Ok(files),
-            Err(_) => Err(Unread::Damaged(error)),
-        },
-        Err(other) => Err(other),
-    }
-}
 
 impl Store {
     /// Returns the digest of a file outside of the store. It is not read if its size and times are those of its record, unless it
