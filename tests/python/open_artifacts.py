@@ -36,13 +36,14 @@ SCORES = {"truth": "int8", "predicted": "int8", "cells": "uint64"} | {
     name: "double"
     for name in (
         "share scaled weight iou recall mean_recall quadratic_kappa adjacent_errors spearman_visits spearman_classes "
-        "auc auc_wall_distance auc_farther_from_walls"
+        "auc auc_wall_distance auc_farther_from_walls spearman_wall_distance spearman_farther_from_walls"
     ).split()
 }
-COSTS = {"episode": "uint32"} | {
+COSTS = {"predictor": "string", "episode": "uint32"} | {
     name: "double"
     for name in (
-        "truth prediction truth_rank prediction_rank offset within_quarter chance chance_at_least spearman kendall"
+        "truth prediction truth_rank prediction_rank offset within_quarter within_quarter_low within_quarter_high "
+        "chance chance_at_least spearman spearman_low spearman_high kendall kendall_low kendall_high"
     ).split()
 }
 POLARS = {
@@ -201,10 +202,13 @@ def check_parquet(path: Path) -> tuple[str, str]:
     if "frame" in columns:
         note += check_tracks(path, frame, metadata)
     if kind == "ClassScores":
-        assert abs(frame["scaled"].sum() - 1) < 1e-9 or frame["cells"].sum() == 0, "the scaled matrix does not sum to 1"
+        scaled = frame["scaled"].dropna()
+        assert len(scaled) in (0, len(frame)), "the scaled matrix has gaps"
+        assert abs(scaled.sum() - 1) < 1e-9 or frame["cells"].sum() == 0 or scaled.empty, "it does not sum to 1"
         note += f", AUC {frame['auc'].iloc[0]:.3f}"
     if kind == "SocialCosts":
-        note += f", {frame['within_quarter'].iloc[0]:.1%} within a quarter"
+        shares = frame.groupby("predictor", sort=False)["within_quarter"].first()
+        note += ", within a quarter " + ", ".join(f"{name} {share:.1%}" for name, share in shares.items())
     return kind, note
 
 
