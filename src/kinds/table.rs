@@ -1,5 +1,7 @@
 //! Parquet as polars data frames, for people's questions: `trodden sql` and the tables of `show`.
 
+use std::ops::ControlFlow;
+
 use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
 use arrow::datatypes::{
     ArrowPrimitiveType, DataType as ArrowType, Float32Type, Float64Type, Int8Type, Int32Type, Int64Type, UInt8Type,
@@ -7,6 +9,9 @@ use arrow::datatypes::{
 };
 use polars::prelude::{Column, DataFrame, DataType, IntoLazy, NamedFrom, PlSmallStr, PolarsError, Scalar, Series};
 use polars::sql::SQLContext;
+use sqlparser::ast::{Ident, ObjectNamePart, visit_relations_mut};
+use sqlparser::dialect::GenericDialect;
+use sqlparser::parser::{Parser, ParserOptions};
 
 use super::parquet::read_any;
 
@@ -115,25 +120,13 @@ pub fn sql<F: Into<TableFile>>(
     files: &mut dyn FnMut(&str) -> Option<Vec<F>>,
 ) -> Result<DataFrame, TableError> {
     let mut context = SQLContext::new();
-    let mut rewritten = String::with_capacity(query.len());
-    let mut end = 0;
-    let mut known: Vec<String> = Vec::new();
-    for target in targets(query) {
-        rewritten.push_str(&query[end..target.start]);
-        rewritten.push('"');
-        rewritten.push_str(&target.name.replace('"', "\"\""));
-        rewritten.push('"');
-        end = target.end;
-        if known.contains(&target.name) {
-            continue;
-        }
-        let parts = files(&target.name).filter(|parts| !parts.is_empty());
-        let parts = parts.ok_or_else(|| TableError::NoTable(target.name.clone()))?;
-        context.register(&target.name, stacked(&target.name, parts)?.lazy());
-        known.push(target.name);
+    let (query, tables) = with_names(query);
+    for table in tables {
+        let parts = files(&table).filter(|parts| !parts.is_empty());
+        let parts = parts.ok_or_else(|| TableError::NoTable(table.clone()))?;
+        context.register(&table, stacked(&table, parts)?.lazy());
     }
-    rewritten.push_str(&query[end..]);
-    context.execute(&rewritten).and_then(|lazy| lazy.collect()).map_err(TableError::Query)
+    context.execute(&query).and_then(|lazy| lazy.collect()).map_err(TableError::Query)
 }
 
 /// Puts the files of a table below each other.
@@ -202,101 +195,39 @@ fn lists(name: PlSmallStr, array: &ArrayRef) -> Result<Column, TableError> {
     Ok(Series::new(name, rows?).into())
 }
 
-/// A quoted table in a query: its name, and where it stands with its quotes.
-#[derive(Debug, PartialEq, Eq)]
-struct Target {
-    name: String,
-    start: usize,
-    end: usize,
+/// Puts the names of files in a query into the quotes of names; lists them in the order of the query, each once.
+///
+/// A query that does not parse stays as it is: whoever answers it says what is wrong with it.
+fn with_names(query: &str) -> (String, Vec<String>) {
+    // As polars reads queries.
+    let options = ParserOptions { trailing_commas: true, ..ParserOptions::default() };
+    let parser = Parser::new(&GenericDialect).with_options(options);
+    let Ok(mut statements) = parser.try_with_sql(query).and_then(|mut parser| parser.parse_statements()) else {
+        return (query.to_owned(), Vec::new());
+    };
+    let mut tables = Vec::new();
+    let _ = visit_relations_mut(&mut statements, |name| {
+        if let [ObjectNamePart::Identifier(name)] = name.0.as_mut_slice()
+            && is_file(name)
+        {
+            name.quote_style = Some('"');
+            if !tables.contains(&name.value) {
+                tables.push(name.value.clone());
+            }
+        }
+        ControlFlow::<()>::Continue(())
+    });
+    let statements: Vec<String> = statements.iter().map(ToString::to_string).collect();
+    (statements.join("; "), tables)
 }
 
-/// Words that end a list of tables.
-const AFTER_TABLES: [&str; 14] = [
-    "where",
-    "group",
-    "order",
-    "having",
-    "limit",
-    "union",
-    "select",
-    "on",
-    "using",
-    "except",
-    "intersect",
-    "window",
-    "qualify",
-    "offset",
-];
-
-/// Finds the quoted tables of a query.
-fn targets(query: &str) -> Vec<Target> {
-    let mut found = Vec::new();
-    // For each open parenthesis: whether a SELECT came in it (else FROM belongs to a function, as in TRIM), and whether
-    // a list of tables is open.
-    let mut scopes = vec![(true, false)];
-    let mut expected = false;
-    let mut at = 0;
-    while at < query.len() {
-        let rest = &query[at..];
-        let first = rest.chars().next().expect("not at the end");
-        let mut length = first.len_utf8();
-        let scope = scopes.last_mut().expect("the outermost scope stays");
-        match first {
-            '\'' | '"' => {
-                let name;
-                (name, length) = quoted(rest, first);
-                if expected && (first == '\'' || name.contains(['/', '.', '*'])) {
-                    found.push(Target { name, start: at, end: at + length });
-                }
-                expected = false;
-            }
-            '-' if rest.starts_with("--") => length = rest.find('\n').unwrap_or(rest.len()),
-            '/' if rest.starts_with("/*") => length = rest.find("*/").map_or(rest.len(), |end| end + 2),
-            '(' => {
-                scopes.push((false, false));
-                expected = false;
-            }
-            ')' => {
-                if scopes.len() > 1 {
-                    scopes.pop();
-                }
-                expected = false;
-            }
-            ',' => expected = scope.1,
-            _ if first.is_alphanumeric() || first == '_' => {
-                length = rest.find(|c: char| !(c.is_alphanumeric() || c == '_')).unwrap_or(rest.len());
-                let word = rest[..length].to_ascii_lowercase();
-                expected = word == "join" || (word == "from" && scope.0);
-                scope.0 |= word == "select";
-                if expected {
-                    scope.1 = true;
-                } else if AFTER_TABLES.contains(&word.as_str()) {
-                    scope.1 = false;
-                }
-            }
-            _ if first.is_whitespace() => {}
-            _ => expected = false,
-        }
-        at += length;
+/// Tells the name of a file from that of something in the query.
+fn is_file(name: &Ident) -> bool {
+    match name.quote_style {
+        Some('\'') => true,
+        Some(_) => name.value.contains(['/', '.', '*']),
+        None => false,
     }
-    found
-}
-
-/// Returns the text of a quoted beginning, and its length with the quotes; a doubled quote stands for one.
-fn quoted(text: &str, quote: char) -> (String, usize) {
-    let mut name = String::new();
-    let mut chars = text.char_indices().skip(1).peekable();
-    while let Some((at, c)) = chars.next() {
-        if c != quote {
-            name.push(c);
-        } else if chars.peek().is_some_and(|next| next.1 == quote) {
-            name.push(quote);
-            chars.next();
-        } else {
-            return (name, at + 1);
-        }
-    }
-    (name, text.len())
 }
 
 #[cfg(test)]
@@ -308,11 +239,7 @@ mod tests {
     use crate::kinds::{Placed, SingleFile};
 
     fn check(query: &str, expected: &[&str]) {
-        let found = targets(query);
-        assert_eq!(found.iter().map(|target| target.name.as_str()).collect::<Vec<_>>(), expected, "{query}");
-        for target in found {
-            assert!(query[target.start..target.end].ends_with(['\'', '"']), "{query}");
-        }
+        assert_eq!(with_names(query).1, expected, "{query}");
     }
 
     #[test]
@@ -323,8 +250,12 @@ mod tests {
         check("WITH t AS (SELECT * FROM 'a') SELECT * FROM \"t\" WHERE name = 'FROM'", &["a"]);
         check("SELECT TRIM('x' FROM 'xax'), 'b' FROM 'a' -- FROM 'c'\n", &["a"]);
         check("SELECT 1 /* FROM 'c' */ FROM (SELECT * FROM 'a') ORDER BY x, 'y'", &["a"]);
+        check("SELECT * FROM 'a' UNION ALL SELECT * FROM 'b' WHERE x > (SELECT MIN(x) FROM 'a')", &["a", "b"]);
+        check("SELECT EXTRACT(YEAR FROM 'day') FROM 'a'", &["a"]);
         check("FROM 'a' SELECT x, 'b'", &["a"]);
         check("SELECT 'open", &[]);
+        let (query, _) = with_names("SELECT 'it''s' AS t FROM 'a ''b\"' AS x");
+        assert_eq!(query, r#"SELECT 'it''s' AS t FROM "a 'b""" AS x"#);
     }
 
     /// Labels of 2 × 2 cells, with the origin at (−1.5, 0.25).
