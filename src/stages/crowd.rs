@@ -80,3 +80,34 @@ pub fn warn(context: &Context, config: &CrowdConfig, summary: &Summary) {
         (context.warn)(format!("agents found no goal to go to {waits} times and waited for one"));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::crowd::Preset;
+
+    /// Returns the estimate for 20 episodes of 500 steps on so many square meters, in cells of 0.1 m.
+    fn check(crowd: &CrowdConfig, area: u64, agents: u64) {
+        let metadata = [("resolution".to_owned(), "0.1".to_owned())].into();
+        let map = Outline { rows: area * 100, metadata };
+        assert_eq!(bytes(crowd, 1, 20, 500, &map), agents * 20 * 500 * 160, "{area} m²");
+    }
+
+    #[test]
+    fn memory_is_that_of_the_agents_there_will_be() {
+        // One agent for each 8 m², whatever `agents` says, up to the most that an episode may have.
+        check(&Preset::Igibson.config(), 4000, 500);
+        check(&Preset::Igibson.config(), 10_000, 999);
+        check(&Preset::Igibson.config(), 40, 5);
+        // Eight at most up to 200 m², and in proportion beyond.
+        check(&CrowdConfig::default(), 100, 8);
+        check(&CrowdConfig::default(), 2000, 80);
+        check(&CrowdConfig { agents: [5, 30], agents_area: None, ..CrowdConfig::default() }, 2000, 30);
+    }
+
+    #[test]
+    fn the_robot_and_those_it_must_have_around_it_count() {
+        let alone = CrowdConfig { agents: [1, 2], agents_area: None, ..CrowdConfig::default() };
+        assert_eq!(bytes(&alone, 6, 1, 1, &Outline::default()), 6 * 160);
+    }
+}

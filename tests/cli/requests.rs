@@ -90,6 +90,14 @@ fn settings_with_an_unknown_path() {
 }
 
 #[test]
+fn only_what_is_like_a_name_is_suggested() {
+    let place = Place::finished();
+    assert!(!place.refused(2, &["show", "nothing"]).contains("did you mean"));
+    let said = place.refused(2, &["show", "lables/home_00"]);
+    assert!(said.contains("did you mean `labels/home_00`"), "{said}");
+}
+
+#[test]
 fn nodes_that_are_none() {
     let place = Place::finished();
     let requests: [&[&str]; 7] = [
