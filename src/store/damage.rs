@@ -50,7 +50,7 @@ pub struct Unreadable {
     pub error: String,
 }
 
-/// What [`Store::verify`] found.
+/// What [`Store::verify`](super::Store::verify) found.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 pub struct VerifyReport {
     /// How many objects, bytes of objects, recipes and runs were read.
