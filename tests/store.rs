@@ -7,6 +7,7 @@ use std::io::Write;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use proptest::prelude::*;
@@ -208,22 +209,29 @@ fn one_has_the_lock_of_a_key() {
 fn of_many_who_want_a_lock_one_is_inside() {
     let (_folder, store) = store();
     let key = recipe("a").key();
-    let inside = std::sync::atomic::AtomicUsize::new(0);
-    let entered = std::sync::atomic::AtomicUsize::new(0);
+    let inside = AtomicUsize::new(0);
+    let entered = AtomicUsize::new(0);
     std::thread::scope(|scope| {
         for _ in 0..8 {
             scope.spawn(|| {
-                for _ in 0..200 {
-                    if let Some(_lock) = store.try_lock(&key).expect("works") {
-                        assert_eq!(inside.fetch_add(1, std::sync::atomic::Ordering::SeqCst), 0);
-                        entered.fetch_add(1, std::sync::atomic::Ordering::SeqCst);
-                        inside.fetch_sub(1, std::sync::atomic::Ordering::SeqCst);
-                    }
+                for _ in 0..50 {
+                    // Whoever goes on trying gets it in the end.
+                    let lock = loop {
+                        match store.try_lock(&key).expect("works") {
+                            Some(lock) => break lock,
+                            None => std::thread::yield_now(),
+                        }
+                    };
+                    assert_eq!(inside.fetch_add(1, Ordering::SeqCst), 0);
+                    entered.fetch_add(1, Ordering::SeqCst);
+                    inside.fetch_sub(1, Ordering::SeqCst);
+                    drop(lock);
                 }
             });
         }
     });
-    assert!(entered.into_inner() >= 200, "whoever is alone gets it every time");
+    assert_eq!(entered.into_inner(), 8 * 50);
+    assert!(store.try_lock(&key).expect("works").is_some(), "whoever is alone gets it");
 }
 
 #[test]
