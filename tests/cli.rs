@@ -11,6 +11,7 @@ mod shows;
 mod stores;
 mod streams;
 
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
@@ -96,6 +97,7 @@ impl Place {
         for name in ["NO_COLOR", "TERM", "COLUMNS", "RAYON_NUM_THREADS"] {
             command.env_remove(name);
         }
+        heed_signals(&mut command);
         command
     }
 
@@ -131,6 +133,19 @@ impl Said {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("is text");
         Self { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
     }
+}
+
+/// Lets a command hear signals that the tests themselves were started to ignore, as by `nohup` or in the background of a script.
+fn heed_signals(command: &mut Command) {
+    let heed = || {
+        for signal in [libc::SIGHUP, libc::SIGINT, libc::SIGTERM] {
+            // SAFETY: setting the default action of a signal touches no memory of ours.
+            unsafe { libc::signal(signal, libc::SIG_DFL) };
+        }
+        Ok(())
+    };
+    // SAFETY: between fork and exec only async-signal-safe functions may be called, and `signal` is one.
+    unsafe { command.pre_exec(heed) };
 }
 
 /// Copies a folder; links stay links.

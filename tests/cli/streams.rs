@@ -145,6 +145,7 @@ fn a_hang_up_that_is_ignored_stays_ignored() {
     let run = |script: &str, name: &str| {
         let mut command = Command::new("sh");
         command.args(["-c", script]).current_dir(place.path("")).stderr(Stdio::piped());
+        super::heed_signals(&mut command);
         let child = command.spawn().expect("starts");
         // Once the store is there the handlers are, too.
         while !place.path("artifacts/store.json").exists() {
