@@ -5,7 +5,9 @@
 //! Metadata are sorted by key and always hold `kind`, `format` and `units` (a JSON object of column to unit).
 
 mod footer;
+mod pages;
 mod read;
+mod thrift;
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
+use std::os::unix::fs::FileExt;
 use std::panic::AssertUnwindSafe;
 
 use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
@@ -13,7 +14,7 @@ use parquet::arrow::arrow_reader::{
 };
 use parquet::file::metadata::KeyValue;
 
-use super::{Column, footer};
+use super::{Column, footer, pages};
 use crate::domain::geometry::{Frame, Point};
 use crate::kinds::KindError;
 
@@ -291,7 +292,14 @@ fn open(bytes: Bytes) -> Result<(Bytes, ArrowReaderMetadata), AnyError> {
                 start >= 0 && chunk.data_page_offset() >= 0 && chunk.compressed_size() >= 0 && within
             })
     });
-    if sound { Ok((bytes, opened)) } else { Err("a column lies outside of the file".into()) }
+    if !sound {
+        return Err("a column lies outside of the file".into());
+    }
+    let chunks = opened.metadata().row_groups().iter().flat_map(|group| group.columns());
+    match chunks.filter(|chunk| !pages::are_sound(&bytes, chunk)).map(|chunk| chunk.column_path().string()).next() {
+        Some(column) => Err(format!("a page of the column `{column}` is not what its header says").into()),
+        None => Ok((bytes, opened)),
+    }
 }
 
 /// Turns a panic of the decoder, which has some for bytes that no encoder writes, into an error.
@@ -319,6 +327,15 @@ impl Outline {
     /// Reads the footer of a file; the digest of what else it holds is not checked.
     #[must_use]
     pub fn read(file: &File) -> Option<Self> {
+        let size = file.metadata().ok()?.len();
+        let mut last = [0; 8];
+        file.read_exact_at(&mut last, size.checked_sub(8)?).ok()?;
+        let length = footer::length(last).filter(|length| *length <= size)?;
+        let mut footer = vec![0; usize::try_from(length).ok()?];
+        file.read_exact_at(&mut footer, size - length).ok()?;
+        if !footer::has_sound_schema(&footer) {
+            return None;
+        }
         let opened = guarded(|| Ok(ArrowReaderMetadata::load(file, ArrowReaderOptions::new())?)).ok()?;
         let rows = u64::try_from(opened.metadata().file_metadata().num_rows()).ok()?;
         Some(Self { rows, metadata: key_values(&opened) })
