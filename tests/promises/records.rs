@@ -65,11 +65,12 @@ fn collecting_after_a_failure_frees_nothing_of_it() {
     let failing = &["--set", "walks.episodes=1", "--set", "tiles.min_labeled=256"];
     let told = place.try_run(failing);
     assert_eq!(told.code, 1, "{}", told.stderr);
-    let made = told.with("ran").len();
-    assert!(made > 5, "{}", told.stdout);
+    let made = told.with("ran");
+    assert!(made.len() > 5, "{}", told.stdout);
     collect(&place);
+    // Nodes that had not been started when the other failed may be made now.
     let again = place.try_run(failing);
-    assert_eq!(again.with("ran").len(), 0, "{}", again.stdout);
+    assert!(again.with("ran").is_disjoint(&made), "{}", again.stdout);
     // And the newest run that finished is whole.
     place.run(&[]).ran(&[]);
     place.verify();
