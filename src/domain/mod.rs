@@ -8,6 +8,7 @@ pub mod map;
 pub mod orca;
 pub mod quantize;
 pub mod random;
+pub mod rank;
 pub mod raster;
 pub mod score;
 pub mod social;
