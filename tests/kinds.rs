@@ -11,7 +11,9 @@ use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::ClassScores;
 use trodden::domain::tiles::Tiles;
 use trodden::domain::tracks::{Sample, Tracks};
-use trodden::kinds::{Checkpoint, Kind, KindError, Placed, SingleFile, TrackReader, TrackWriter, Written, chunk_files};
+use trodden::kinds::{
+    Checkpoint, Heat, Kind, KindError, Placed, SingleFile, TrackReader, TrackWriter, Written, chunk_files,
+};
 use trodden::store::{Artifact, Store};
 
 fn store() -> (tempfile::TempDir, Store) {
@@ -42,6 +44,12 @@ fn every_kind_comes_back() {
     check(&store, &samples::visits());
     check(&store, &samples::labels());
     check(&store, &samples::heat());
+    check(&store, &samples::ranks());
+    check(&store, &Placed { value: Heat { density: None, flow: None, ..samples::ranks().value }, ..samples::ranks() });
+    check(
+        &store,
+        &Placed { value: Heat { density: samples::ranks().value.density, ..samples::heat().value }, ..samples::heat() },
+    );
     check(&store, &samples::tiles());
     check(&store, &Placed { frame: Frame::at_zero(0.1, 4, 5), ..samples::tracks(0..3, 2, 9) });
     check(&store, &Placed { frame: Frame::at_zero(0.1, 4, 5), ..samples::trips() });

@@ -167,7 +167,7 @@ impl Maker {
         let probabilities =
             (0..4i8).map(|class| classes.map(|found| if *found == class { 1.0 } else { 0.0 })).collect();
         let (map, own) = (format!("maps/{}", on.name), format!("{stage}/{}", on.name));
-        let value = Heat { heat: heat.clone(), classes: classes.clone(), probabilities };
+        let value = Heat::of_classes(heat.clone(), classes.clone(), probabilities);
         self.add(&own, "annotate", &Placed::new(frame, value), &[&map, "model"]);
         let scored = Scored {
             heat: &heat,

@@ -10,7 +10,6 @@ use super::error::CliError;
 use super::screen::Screen;
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
 use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Survey};
-use crate::domain::quantize::OBSTACLE;
 use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::bars::WorkBar;
@@ -229,7 +228,7 @@ fn said(survey: &Survey) -> String {
 }
 
 fn picture(heat: &Placed<Heat>, name: &str) -> Vec<u8> {
-    let walls = heat.value.classes.map(|class| *class == OBSTACLE);
+    let walls = heat.value.free.map(|free| !free);
     let picture = Picture::values(heat.frame, heat.value.heat.clone(), Some(walls), "heat", None);
     png::figure(&picture, Scale::Linear, name)
 }

@@ -24,7 +24,7 @@ use crate::store::{Artifact, FileRef, Store, open_regular};
 
 pub use checkpoint::{Checkpoint, CheckpointConfig};
 pub use error::KindError;
-pub use heat::Heat;
+pub use heat::{DIRECTIONS, Heat, HeatClasses};
 pub use nav_episodes::{NavEpisodes, NavSample};
 pub use parquet::Outline;
 pub use table::{TableError, TableFile, data_frame, sql};

@@ -107,17 +107,20 @@ impl Shown {
     }
 
     fn heat(placed: &Placed<Heat>) -> Self {
-        let Heat { heat, classes, .. } = &placed.value;
-        let free = |i: usize| classes.as_slice()[i] != OBSTACLE;
-        let values: Vec<f64> =
-            heat.as_slice().iter().enumerate().filter(|(i, _)| free(*i)).map(|(_, value)| f64::from(*value)).collect();
-        let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+        let Heat { free, heat, density, flow, classes } = &placed.value;
+        let spread = |grid: &Grid<f32>| {
+            let on_free = grid.as_slice().iter().zip(free.as_slice()).filter(|(_, free)| **free);
+            let values: Vec<f64> = on_free.map(|(value, _)| f64::from(*value)).collect();
+            let mean = values.iter().sum::<f64>() / values.len().max(1) as f64;
+            format!("mean {}, most {}", number(mean), number(values.iter().copied().fold(0.0, f64::max)))
+        };
         let mut facts = place(&placed.frame);
-        facts.push(fact(
-            "heat",
-            format!("mean {}, most {}", number(mean), number(values.iter().copied().fold(0.0, f64::max))),
-        ));
-        facts.extend(class_facts(&ClassCounts::of(heat_class_count(&placed.value), classes.as_slice())));
+        facts.push(fact("heat", spread(heat)));
+        facts.extend(density.iter().map(|density| fact("density", spread(density))));
+        facts.extend(flow.iter().map(|flow| fact("flow", format!("in {} directions", flow.len()))));
+        if let Some(part) = classes {
+            facts.extend(class_facts(&ClassCounts::of(part.count(), part.classes.as_slice())));
+        }
         Self::drawn(facts, heat_picture(placed))
     }
 
@@ -209,17 +212,14 @@ pub(super) fn labels_picture(placed: &Placed<Labels>) -> Picture {
 
 /// Draws the heat of a prediction.
 pub(super) fn heat_picture(placed: &Placed<Heat>) -> Picture {
-    let walls = placed.value.classes.map(|class| *class == OBSTACLE);
+    let walls = placed.value.free.map(|free| !free);
     Picture::values(placed.frame, placed.value.heat.clone(), Some(walls), "heat", None)
 }
 
-/// Draws the classes of a prediction.
-pub(super) fn prediction_picture(placed: &Placed<Heat>) -> Picture {
-    Picture::classes(placed.frame, placed.value.classes.clone(), heat_class_count(&placed.value), "not predicted")
-}
-
-fn heat_class_count(heat: &Heat) -> u8 {
-    u8::try_from(heat.probabilities.len().saturating_sub(1)).expect("a heat has at most 16 classes")
+/// Draws the classes of a prediction, if it has some.
+pub(super) fn prediction_picture(placed: &Placed<Heat>) -> Option<Picture> {
+    let part = placed.value.classes.as_ref()?;
+    Some(Picture::classes(placed.frame, part.classes.clone(), part.count(), "not predicted"))
 }
 
 /// Adds up what the files of trajectories say of how they were simulated; `None` if one of them says nothing.

@@ -106,5 +106,5 @@ pub fn heat(
     })?;
     let thresholds = thresholds(&annotation.heat, map, &checkpoint.config.distribution());
     let classes = quantize(&annotation.heat, map, &thresholds);
-    Ok(Heat { heat: annotation.heat, classes, probabilities: annotation.probabilities })
+    Ok(Heat::of_classes(annotation.heat, classes, annotation.probabilities))
 }

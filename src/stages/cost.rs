@@ -6,7 +6,6 @@ use serde_json::Value;
 
 use super::{Definition, kind, read, write};
 use crate::domain::geometry::Grid;
-use crate::domain::quantize::OBSTACLE;
 use crate::domain::raster::VisitCounts;
 use crate::domain::social::{CostConfig, Draws, Predictor, SocialCosts, social_costs};
 use crate::kinds::{Heat, NavEpisodes, Placed, outline};
@@ -59,7 +58,7 @@ impl Stage for Cost {
         let (trips, digest): (Placed<NavEpisodes>, _) = read(context, inputs.one("trips"))?;
         let (heat, _): (Placed<Heat>, _) = read(context, inputs.one("heat"))?;
         super::same_frame("trips", &trips.frame, "heat", &heat.frame)?;
-        let constant = heat.value.classes.map(|class| if *class == OBSTACLE { 0.0 } else { 1.0 });
+        let constant = heat.value.free.map(|free| f32::from(u8::from(*free)));
         let visits: Option<Placed<VisitCounts>> =
             inputs.maybe("visits").map(|artifact| read(context, artifact)).transpose()?.map(|(visits, _)| visits);
         if let Some(visits) = &visits {

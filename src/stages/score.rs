@@ -65,9 +65,14 @@ impl Stage for Score {
         let model: Option<Checkpoint> =
             inputs.maybe("model").map(|artifact| read(context, artifact)).transpose()?.map(|(model, _)| model);
         let weights = model.map(|model| model.config.class_weights());
+        let predicted = heat.value.classes.as_ref().ok_or_else(|| StageError::Failed {
+            message: "`heat` predicts no classes to score".to_owned(),
+            help: None,
+            source: None,
+        })?;
         let scored = Scored {
             heat: &heat.value.heat,
-            predicted: &heat.value.classes,
+            predicted: &predicted.classes,
             labels: &labels.value,
             visits: visits.as_ref().map(|visits| &visits.value),
             weights: weights.as_deref(),

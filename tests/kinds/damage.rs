@@ -10,7 +10,7 @@ use parquet::file::metadata::KeyValue;
 use trodden::domain::geometry::Point;
 use trodden::domain::quantize::Labels;
 use trodden::domain::tracks::Sample;
-use trodden::kinds::{Checkpoint, Placed, SingleFile, TrackWriter};
+use trodden::kinds::{Checkpoint, Heat, Placed, SingleFile, TrackWriter};
 
 use super::samples;
 
@@ -147,6 +147,22 @@ fn heat_that_is_no_share_is_refused() {
 }
 
 #[test]
+fn parts_of_a_heat_hold_together() {
+    let refused = |change: fn(&mut Heat), message: &str| {
+        let mut heat = samples::ranks();
+        change(&mut heat.value);
+        assert_eq!(heat.to_bytes().expect_err(message).to_string(), message);
+    };
+    let density = "the column `density` of `Heat` holds `inf` in row 7, expected was a finite number from 0";
+    let set = |heat: &mut Heat| heat.density.as_mut().expect("a density").as_mut_slice()[7] = f32::INFINITY;
+    refused(set, density);
+    let flow = "the column `flow_5` of `Heat` holds `-1` in row 3, expected was a number from 0 to 1";
+    refused(|heat| heat.flow.as_mut().expect("a flow")[5].as_mut_slice()[3] = -1.0, flow);
+    let walls = "`Heat` does not fit together: its classes and its walls disagree";
+    refused(|heat| heat.classes = samples::heat().value.classes, walls);
+}
+
+#[test]
 fn damaged_checkpoints_are_named() {
     let files = samples::checkpoint().to_files().expect("encoded");
     let read = |name: &str, bytes: Vec<u8>| {
@@ -192,6 +208,7 @@ fn damaged_bytes_never_panic() {
         }
     }
     check(&samples::labels());
+    check(&samples::ranks());
     check(&samples::tiles());
     check(&samples::trips());
     check(&samples::scores());

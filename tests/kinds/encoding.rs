@@ -25,6 +25,7 @@ fn bytes_are_a_function_of_the_value() {
         single(&samples::visits()),
         single(&samples::labels()),
         single(&samples::heat()),
+        single(&samples::ranks()),
         single(&samples::tiles()),
         ("Trajectories 2".to_owned(), writer.finish().expect("finished")),
         single(&samples::trips()),
@@ -42,6 +43,7 @@ fn bytes_are_a_function_of_the_value() {
             "VisitCounts 1 d56191366558d7e3",
             "Labels 1 f8093f86458d9cd5",
             "Heat 1 38c5120df7b5da53",
+            "Heat 1 0c307f2a72a9c779",
             "Tiles 1 f0fc843817eda3e6",
             "Trajectories 2 dd87c0e9c6a8bbba",
             "NavEpisodes 2 4de0c2097ea3d8c0",
@@ -79,6 +81,11 @@ fn types_are_those_of_the_design_page() {
     expected.push(column("class", DataType::Int8));
     expected.extend((0..4).map(|class| column(&format!("p{class}"), DataType::Float32)));
     assert_eq!(types(samples::heat().to_bytes().expect("encoded")), expected);
+    let mut expected = place();
+    expected.push(column("free", DataType::Boolean));
+    expected.extend(["heat", "density"].map(|name| column(name, DataType::Float32)));
+    expected.extend((0..8).map(|direction| column(&format!("flow_{direction}"), DataType::Float32)));
+    assert_eq!(types(samples::ranks().to_bytes().expect("encoded")), expected);
     let expected = vec![
         column("episode", DataType::UInt32),
         column("id", DataType::Int64),
@@ -112,6 +119,7 @@ fn examples_for_python() {
     write("visits.parquet", samples::visits().to_bytes().expect("encoded"));
     write("labels.parquet", samples::labels().to_bytes().expect("encoded"));
     write("heat.parquet", samples::heat().to_bytes().expect("encoded"));
+    write("ranks.parquet", samples::ranks().to_bytes().expect("encoded"));
     write("tiles.parquet", samples::tiles().to_bytes().expect("encoded"));
     write("trips.parquet", samples::trips().to_bytes().expect("encoded"));
     write("scores.parquet", samples::scores().to_bytes().expect("encoded"));

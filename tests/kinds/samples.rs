@@ -34,7 +34,18 @@ pub fn labels() -> Placed<Labels> {
 pub fn heat() -> Placed<Heat> {
     let part = |k: usize| Grid::from_fn(4, 5, |c: Cell| (c.row + 2 * c.col + k) as f32 / 64.0);
     let classes = labels().value.classes;
-    Placed::new(frame(), Heat { heat: part(3), classes, probabilities: (0..4).map(part).collect() })
+    Placed::new(frame(), Heat::of_classes(part(3), classes, (0..4).map(part).collect()))
+}
+
+/// A heat that is a rank, with density and flow, of a model that predicts no classes.
+pub fn ranks() -> Placed<Heat> {
+    let free = map().free().clone();
+    let on_free = |c: Cell, value: f32| if map().free()[c] { value } else { 0.0 };
+    let heat = Grid::from_fn(4, 5, |c| on_free(c, (c.row * 4 + c.col) as f32 / 16.0 - 0.25));
+    let density = Some(Grid::from_fn(4, 5, |c| on_free(c, (c.row * 4 + c.col) as f32 / 8.0)));
+    let share = |direction: usize| Grid::from_fn(4, 5, |c| on_free(c, ((c.col + direction) % 8) as f32 / 28.0));
+    let flow = Some(std::array::from_fn(share));
+    Placed::new(frame(), Heat { density, flow, ..Heat::new(free, heat) })
 }
 
 pub fn tiles() -> Tiles {

@@ -74,7 +74,7 @@ fn heat() -> Placed<Heat> {
     let part = |scale: usize| grid(|row, col| ((row * scale + col) % 64) as f32 / 64.0);
     let heat = on_free(0.0, |row, col| ((row * 3 + col) % 64) as f32 / 64.0);
     let classes = on_free(0, |row, col| [1, 2, 3][(row + col) % 3]);
-    Placed::new(frame(), Heat { heat, classes, probabilities: (0..4).map(part).collect() })
+    Placed::new(frame(), Heat::of_classes(heat, classes, (0..4).map(part).collect()))
 }
 
 /// Runs stages in a store of their own and notes what comes out.

@@ -71,7 +71,15 @@ DUCKDB = {
 }
 
 
-def expected_columns(kind: str, metadata: dict[str, str]) -> dict[str, str]:
+def heat_columns(classes: int, found: set[str]) -> dict[str, str]:
+    """Returns the columns of a heat; all but `heat` are there only where the prediction has that part."""
+    columns = PLACE | ({"heat": "float"} if classes else {"free": "bool", "heat": "float"})
+    columns |= {"density": "float"} if "density" in found else {}
+    columns |= {f"flow_{d}": "float" for d in range(8)} if "flow_0" in found else {}
+    return columns | ({"class": "int8"} | {f"p{c}": "float" for c in range(classes + 1)} if classes else {})
+
+
+def expected_columns(kind: str, metadata: dict[str, str], found: set[str]) -> dict[str, str]:
     """Returns the columns of a kind with their Arrow types, as the design page has them."""
     classes = int(metadata.get("classes", 0))
     tile = int(metadata.get("size", 0)) ** 2
@@ -88,7 +96,7 @@ def expected_columns(kind: str, metadata: dict[str, str]) -> dict[str, str]:
             "classes": f"fixed_size_list<int8>[{tile}]",
             "labeled_share": "float",
         },
-        "Heat": PLACE | {"heat": "float", "class": "int8"} | {f"p{c}": "float" for c in range(classes + 1)},
+        "Heat": heat_columns(classes, found),
         "NavEpisodes": TRACKS | {"robot": "bool"},
         "ClassScores": SCORES,
         "SocialCosts": COSTS,
@@ -190,7 +198,7 @@ def check_parquet(path: Path) -> tuple[str, str]:
     for key in ("kind", "format", "units"):
         assert key in metadata, f"no `{key}` in the metadata"
     kind = metadata["kind"]
-    columns = expected_columns(kind, metadata)
+    columns = expected_columns(kind, metadata, set(pq.read_schema(path).names))
     units = json.loads(metadata["units"])
     assert set(units) <= set(columns), f"units of unknown columns: {units}"
     assert all(units.get(name) == "m" for name in ("x", "y") if name in columns), f"units {units}"

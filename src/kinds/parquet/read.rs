@@ -106,6 +106,12 @@ impl Table {
         })
     }
 
+    /// Tells whether there is a column of that name.
+    #[must_use]
+    pub fn has(&self, column: &str) -> bool {
+        self.opened.schema().field_with_name(column).is_ok()
+    }
+
     /// Checks that the columns are there with their types; others may be there besides.
     ///
     /// # Errors

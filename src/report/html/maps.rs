@@ -12,7 +12,7 @@ use super::lineage::{member_name, stage_name};
 use crate::domain::geometry::Grid;
 use crate::domain::map::OccupancyMap;
 use crate::domain::score::ClassScores;
-use crate::kinds::{Kind, NavEpisodes, Placed};
+use crate::kinds::{Kind, NavEpisodes, Placed, outline};
 use crate::report::charts::{Shade, confusion};
 use crate::report::picture::{Picture, Scale, Shown};
 use crate::report::{shown, tracks};
@@ -82,7 +82,10 @@ impl Source<'_> {
             }
             View::Labels => shown::labels_picture(&self.read(node)?),
             View::Heat(_) => shown::heat_picture(&self.read(node)?),
-            View::Prediction => shown::prediction_picture(&self.read(node)?),
+            View::Prediction => {
+                let picture = shown::prediction_picture(&self.read(node)?);
+                picture.ok_or_else(|| format!("{} predicts no classes", node.node))?
+            }
             View::Trips => {
                 let trips: Placed<NavEpisodes> = self.read(node)?;
                 tracks::episodes(&trips.frame, &trips.value, map().as_ref())
@@ -228,7 +231,7 @@ fn one_map(source: &Source<'_>, maps: &Maps<'_>, map: &RunNode) -> Fragment {
                 parts.push(missing("Prediction", &absent(heat)));
                 continue;
             }
-            parts.push(source.row(&predictions(heat)));
+            parts.push(source.row(&predictions(source, heat)));
             parts.extend(
                 source.lineage.made_from(heat, "ClassScores").into_iter().map(|scores| source.matrices(scores)),
             );
@@ -249,16 +252,27 @@ fn one_map(source: &Source<'_>, maps: &Maps<'_>, map: &RunNode) -> Fragment {
     })
 }
 
-fn predictions(heat: &RunNode) -> [(&RunNode, View); 3] {
-    [(heat, View::Heat(Scale::Linear)), (heat, View::Heat(Scale::Log)), (heat, View::Prediction)]
+fn predictions<'r>(source: &Source<'_>, heat: &'r RunNode) -> Vec<(&'r RunNode, View)> {
+    let mut views = vec![(heat, View::Heat(Scale::Linear)), (heat, View::Heat(Scale::Log))];
+    views.extend(has_classes(source, heat).then_some((heat, View::Prediction)));
+    views
+}
+
+/// Tells by the footer of its file whether a prediction has classes; one that is missing may have.
+fn has_classes(source: &Source<'_>, heat: &RunNode) -> bool {
+    let names = |artifact| outline(source.store, artifact).metadata.contains_key("classes");
+    heat.artifact.as_ref().is_none_or(names)
 }
 
 /// Shows several annotations of one map side by side (fig. 6).
 fn compared(source: &Source<'_>, heats: &[&RunNode]) -> Fragment {
     let names: Vec<&str> = heats.iter().map(|heat| stage_name(heat)).collect();
-    let views = [View::Heat(Scale::Linear), View::Heat(Scale::Log), View::Prediction];
-    let mut parts: Vec<Fragment> =
-        views.iter().map(|view| source.row(&heats.iter().map(|heat| (*heat, *view)).collect::<Vec<_>>())).collect();
+    let classified: Vec<&RunNode> = heats.iter().copied().filter(|heat| has_classes(source, heat)).collect();
+    let views = [(heats, View::Heat(Scale::Linear)), (heats, View::Heat(Scale::Log)), (&*classified, View::Prediction)];
+    let row = |(heats, view): &(&[&'_ RunNode], View)| {
+        source.row(&heats.iter().map(|heat| (*heat, *view)).collect::<Vec<_>>())
+    };
+    let mut parts: Vec<Fragment> = views.iter().filter(|(heats, _)| !heats.is_empty()).map(row).collect();
     for heat in heats {
         for scores in source.lineage.made_from(heat, "ClassScores") {
             let matrices = source.matrices(scores);
