@@ -1,6 +1,7 @@
 //! Computes. Pure algorithms on plain values: no files, no clock, no environment, no printing, no store.
 
 pub mod annotate;
+pub mod baselines;
 pub mod crowd;
 pub mod geometry;
 pub mod homes;

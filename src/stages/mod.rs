@@ -3,22 +3,29 @@
 //! Adding a stage means one file here and one line in [`REGISTER`].
 
 pub mod annotate;
+mod baseline;
+pub mod betweenness;
 pub mod compute;
 pub mod cost;
+pub mod criticality;
 mod crowd;
 mod definition;
 mod episodes;
 pub mod generate_map;
 pub mod import_map;
+pub mod isovist;
 pub mod map_origin;
 pub mod maps;
 pub mod navigate;
 pub mod quantize;
+pub mod rank;
 pub mod rasterize;
 pub mod score;
 pub mod simulate;
 pub mod tile;
 pub mod train;
+pub mod uniform;
+pub mod wall_distance;
 
 use crate::pipeline::stage::Register;
 use definition::{
@@ -34,6 +41,12 @@ pub const REGISTER: Register = Register {
         tile::Tile::ENTRY,
         train::Train::ENTRY,
         annotate::Annotate::ENTRY,
+        rank::Rank::ENTRY,
+        wall_distance::WallDistance::ENTRY,
+        betweenness::Betweenness::ENTRY,
+        criticality::Criticality::ENTRY,
+        isovist::Isovist::ENTRY,
+        uniform::Uniform::ENTRY,
         score::Score::ENTRY,
         navigate::Navigate::ENTRY,
         cost::Cost::ENTRY,

@@ -194,6 +194,17 @@ fn output_changes_only_with_a_version() {
     let robot = crowd(json!({ "episodes": 2, "steps": 20 }));
     bench.check("navigate", robot, Part::Whole, &[("map", &map)]);
     bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &heat)]);
+    bench.check("rank", json!({}), Part::Whole, &[("map", &map), ("visits", &visits), ("steps", &visits)]);
+    let guesses = [
+        ("wall-distance", json!({})),
+        ("uniform", json!({})),
+        ("betweenness", json!({ "sources": 40 })),
+        ("criticality", json!({ "reach": 2 })),
+        ("isovist", json!({ "picks": 20 })),
+    ];
+    for (name, parameters) in guesses {
+        bench.check(name, parameters, Part::Whole, &[("map", &map)]);
+    }
     let expected = [
         "import-map 2 b7ebf1a695f0f910",
         "generate-map 1 80f54047a065fb99",
@@ -208,6 +219,12 @@ fn output_changes_only_with_a_version() {
         "score 2 aa73f5ddf6550e7e",
         "navigate 2 cba8cb0dc2ac3973",
         "cost 2 871e97213c8ad662",
+        "rank 1 496a82b1dfef1e6f",
+        "wall-distance 1 63e44d4938f0ad51",
+        "uniform 1 c600cd2330f318eb",
+        "betweenness 1 ba8e7e4e140817e9",
+        "criticality 1 8b3a5c5a33cb5925",
+        "isovist 1 413335f72a0825e0",
     ];
     assert_eq!(bench.found, expected, "output changed: raise VERSION of the stage, then update this digest");
 }

@@ -1,0 +1,45 @@
+//! What the stages have in common that tell without a network where people walk.
+
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use super::{memory, read, write};
+use crate::domain::geometry::Grid;
+use crate::domain::map::OccupancyMap;
+use crate::domain::rank::{relative_to_mean, share_below};
+use crate::kinds::{Heat, Placed, outline};
+use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Port, StageError};
+use crate::store::{Digest, Store};
+
+/// The port of the map.
+pub(super) const MAP: Port = Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to tell of." };
+
+/// Reads the map.
+pub(super) fn map(inputs: &Inputs, context: &Context) -> Result<(OccupancyMap, Digest), StageError> {
+    read(context, inputs.one("map"))
+}
+
+/// Asks for so many bytes a cell of the map.
+pub(super) fn needs(inputs: &Inputs, store: &Store, bytes_per_cell: u64) -> Needs {
+    memory(outline(store, inputs.one("map")).rows.saturating_mul(bytes_per_cell))
+}
+
+/// Returns what is asked after each of `all` pieces of work: it tells how far the work is, and whether to go on.
+pub(super) fn watch<'a>(context: &'a Context<'a>, all: u64) -> impl Fn() -> bool + Sync + 'a {
+    let done = AtomicU64::new(0);
+    move || {
+        (context.progress)(done.fetch_add(1, Ordering::Relaxed) + 1, all);
+        !(context.cancelled)()
+    }
+}
+
+/// Writes values of the cells as a heat: their ranks, and their density if they count people.
+pub(super) fn write_heat(
+    context: &Context,
+    map: &OccupancyMap,
+    values: &Grid<f64>,
+    count_people: bool,
+) -> Result<Output, StageError> {
+    let density = if count_people { relative_to_mean(values, map.free()) } else { None };
+    let heat = Heat { density, ..Heat::new(map.free().clone(), share_below(values, map.free())) };
+    write(context, &Placed::new(*map.frame(), heat))
+}

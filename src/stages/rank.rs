@@ -1,0 +1,68 @@
+//! `rank`: the visits of a map as the prediction that they are.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use serde_json::Value;
+
+use super::{Definition, baseline, kind, read, write};
+use crate::domain::geometry::Grid;
+use crate::domain::rank::{relative_to_mean, share_below};
+use crate::domain::raster::VisitCounts;
+use crate::kinds::{Heat, Placed};
+use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Part, Port, Stage, StageError, StageSpec};
+use crate::store::{Artifact, Store};
+
+/// Parameters of `rank`: there are none.
+#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Rank {}
+
+impl Definition for Rank {
+    const SPEC: StageSpec = StageSpec {
+        name: "rank",
+        version: 1,
+        ports: &[
+            baseline::MAP,
+            Port {
+                name: "visits",
+                kind: "VisitCounts",
+                arity: Arity::One,
+                doc: "The visits of that map, to be ranked.",
+            },
+            Port {
+                name: "steps",
+                kind: "VisitCounts",
+                arity: Arity::Optional,
+                doc: "The same with `count: steps`: the density of people.",
+            },
+        ],
+        output: kind::<Placed<Heat>>(),
+        seeded: false,
+        doc: "Turns visits of a map into a heat: the share of the free floor that is visited less, and the density of people \
+              where steps are counted. Simulating the very map is what a prediction can hardly beat.",
+    };
+}
+
+impl Stage for Rank {
+    fn parameters(&self) -> Value {
+        super::to_json(self)
+    }
+
+    fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
+        baseline::needs(inputs, store, 64)
+    }
+
+    fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+        let (map, _) = baseline::map(inputs, context)?;
+        let counts = |port: &str, artifact: &Artifact| -> Result<Grid<u32>, StageError> {
+            let (visits, _): (Placed<VisitCounts>, _) = read(context, artifact)?;
+            super::same_frame("map", map.frame(), port, &visits.frame)?;
+            Ok(visits.value.counts)
+        };
+        let visits = counts("visits", inputs.one("visits"))?;
+        let steps = inputs.maybe("steps").map(|steps| counts("steps", steps)).transpose()?;
+        let density = steps.and_then(|steps| relative_to_mean(&steps, map.free()));
+        let heat = Heat { density, ..Heat::new(map.free().clone(), share_below(&visits, map.free())) };
+        write(context, &Placed::new(*map.frame(), heat))
+    }
+}
