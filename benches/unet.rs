@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use criterion::{Criterion, Throughput};
 use trodden::domain::random::Stream;
 use trodden::domain::tiles::Tiles;
-use trodden::domain::unet::{Compute, DeviceName, Network, Simd, TrainConfig, Trainer};
+use trodden::domain::unet::{Architecture, Compute, DeviceName, Network, Simd, TrainConfig, Trainer};
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -40,7 +40,7 @@ fn trainer<'a>(tiles: &'a Tiles, compute: &Compute) -> Trainer<'a> {
 }
 
 fn network(tiles: &Tiles, compute: &Compute) -> Network {
-    Network::new(CLASSES, &trainer(tiles, compute).state().model, compute).expect("complete")
+    Network::new(&Architecture::paper(), CLASSES, &trainer(tiles, compute).state().model, compute).expect("complete")
 }
 
 fn benches(criterion: &mut Criterion) {
@@ -62,15 +62,6 @@ fn benches(criterion: &mut Criterion) {
                 bencher.iter(|| pool.install(|| network.predict(&windows, SIZE, SIZE, BATCH, &mut out)));
             });
         }
-        // As many windows above each other, 8 cells apart; on the thread that calls.
-        let (network, column) = (network(&batch, &compute), &windows[..(SIZE + 8 * (BATCH - 1)) * SIZE]);
-        let tops: Vec<usize> = (0..BATCH).map(|window| 8 * window).collect();
-        group.bench_function(format!("column/{simd}/1"), |bencher| {
-            let mut see = |_: usize, window: &[f32]| {
-                std::hint::black_box(window);
-            };
-            bencher.iter(|| network.predict_windows(column, SIZE, &tops, &mut see));
-        });
     }
 }
 

@@ -14,7 +14,7 @@ use trodden::domain::score::{Scored, score};
 use trodden::domain::social::{CostConfig, Draws, Predictor, social_costs};
 use trodden::domain::tiles::{LabeledMap, TileConfig, cut};
 use trodden::domain::tracks::{Sample, Tracks};
-use trodden::domain::unet::{Array, Arrays, EpochMetrics, TrainState};
+use trodden::domain::unet::{Architecture, Array, Arrays, EpochMetrics, TrainState};
 use trodden::kinds::{
     Checkpoint, CheckpointConfig, Heat, Kind, NavEpisodes, NavSample, Placed, TrackWriter, Written, chunk_files,
 };
@@ -140,7 +140,13 @@ impl Maker {
             samples: tiles.samples() as u64,
         };
         for epoch in 1..=4 {
-            let config = CheckpointConfig { window: 32, batch: 32, learning_rate: 0.001, counts: tiles.class_counts() };
+            let config = CheckpointConfig {
+                network: Architecture::paper(),
+                window: 32,
+                batch: 32,
+                learning_rate: 0.001,
+                counts: tiles.class_counts(),
+            };
             let model = Arrays::from([("head.weight".to_owned(), array(12))]);
             let state = TrainState { epoch, model: model.clone(), optimizer: model };
             let checkpoint = Checkpoint { config, state, metrics: (1..=epoch).map(metrics).collect() };

@@ -8,7 +8,8 @@ use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
 use trodden::domain::tiles::Tiles;
 use trodden::domain::unet::{
-    Array, BatchReport, Compute, DeviceName, EpochMetrics, Network, Simd, TrainConfig, TrainState, Trainer, UnetError,
+    Architecture, Array, BatchReport, Compute, DeviceName, EpochMetrics, Network, Simd, TrainConfig, TrainState,
+    Trainer, UnetError,
 };
 
 use super::needs::Need;
@@ -103,7 +104,7 @@ fn threads_do_not_change_a_bit() {
                 let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
                 let metrics = epochs(&mut trainer, 2);
                 let state = trainer.state();
-                let network = Network::new(3, &state.model, &compute).expect("complete");
+                let network = Network::new(&Architecture::paper(), 3, &state.model, &compute).expect("complete");
                 let probabilities = network.probabilities(&tiles.occupancy, 24, 5);
                 let probabilities: Vec<u32> = probabilities.into_iter().map(f32::to_bits).collect();
                 (metrics, bits(&state), probabilities)
@@ -136,6 +137,8 @@ fn what_cannot_be_trained_is_named() {
     let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
     let new = |weights: &[f64], config: &TrainConfig| Trainer::new(&tiles, weights, config, &compute, 7).err();
     assert_eq!(new(&[1.0], &config()), Some(UnetError::ClassWeights { expected: 4, found: 1 }));
+    let deep = TrainConfig { network: Architecture::deep(), ..config() };
+    assert_eq!(new(&WEIGHTS, &deep), Some(UnetError::Window { size: 8, period: 32 }));
     let config = |learning_rate, batch| TrainConfig { learning_rate, batch, ..TrainConfig::default() };
     assert!(matches!(new(&WEIGHTS, &config(0.0, 8)), Some(UnetError::Range { field: "learning_rate", .. })));
     assert!(matches!(new(&WEIGHTS, &config(f64::NAN, 8)), Some(UnetError::Range { field: "learning_rate", .. })));
@@ -160,7 +163,7 @@ fn trained(compute: &Compute) -> Network {
     let tiles = tiles(16, 6);
     let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), compute, 7).expect("in range");
     epochs(&mut trainer, 3);
-    Network::new(3, &trainer.state().model, compute).expect("complete")
+    Network::new(&Architecture::paper(), 3, &trainer.state().model, compute).expect("complete")
 }
 
 /// Far from a window's border the network answers as on the whole map, if the window lies at the same offset modulo 8.
@@ -187,25 +190,33 @@ fn windows_and_the_whole_map_agree_on_inner_cells() {
     }
 }
 
-/// What windows of a column share does not change a bit of them, wherever they begin and however large they are.
+/// What lies further away than the network sees does not change a bit of its prediction, what lies at that distance does.
 #[test]
-fn windows_of_a_column_are_predicted_as_by_themselves() {
-    let mut stream = Stream::new(6, &[0; 32], 0, "test/column");
+fn the_network_sees_as_far_as_its_layers_say() {
+    let network = Architecture { widths: vec![16, 16, 32, 16], convolutions: 1 };
+    let config = TrainConfig { network: network.clone(), ..config() };
+    let tiles = tiles(16, 3);
     for compute in computes() {
-        let network = trained(&compute);
-        for (size, tops) in [(40, &[0, 8][..]), (48, &[0, 8, 24]), (64, &[8, 0, 40, 48]), (64, &[0]), (72, &[0, 16])] {
-            let rows = size + 56;
-            let column: Vec<u8> = (0..rows * size).map(|_| u8::from(stream.unit() > 0.3)).collect();
-            let mut seen = Vec::new();
-            network.predict_windows(&column, size, tops, &mut |number, window| {
-                let top = tops[number];
-                let expected = network.probabilities(&column[top * size..(top + size) * size], size, 1);
-                let different = window.iter().zip(&expected).position(|(a, b)| a.to_bits() != b.to_bits());
-                assert_eq!(different.map(|at| at / size / 4), None, "{compute}: the row, in {size} from {top} on");
-                seen.push(number);
-            });
-            assert_eq!(seen, (0..tops.len()).collect::<Vec<_>>());
+        let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config, &compute, 7).expect("in range");
+        epochs(&mut trainer, 3);
+        let network = Network::new(&network, 3, &trainer.state().model, &compute).expect("complete");
+        let (size, sight) = (176, network.layers().sight());
+        let mut stream = Stream::new(8, &[0; 32], 0, "test/map");
+        let mut map: Vec<u8> = (0..size * size).map(|_| u8::from(stream.unit() > 0.3)).collect();
+        let before = network.probabilities(&map, size, 1);
+        let mut furthest = 0;
+        // All offsets of a changed cell within the coarsest pixel.
+        for offset in 0..16 {
+            let (row, col) = (80 + offset, 80 + (5 * offset) % 16);
+            map[row * size + col] ^= 1;
+            let after = network.probabilities(&map, size, 1);
+            map[row * size + col] ^= 1;
+            for (cell, _) in before.chunks_exact(4).zip(after.chunks_exact(4)).enumerate().filter(|(_, (a, b))| a != b)
+            {
+                furthest = furthest.max((cell / size).abs_diff(row)).max((cell % size).abs_diff(col));
+            }
         }
+        assert!(furthest <= sight && furthest > 3 * sight / 4, "{compute}: {furthest} of {sight}");
     }
 }
 

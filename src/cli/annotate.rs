@@ -55,7 +55,7 @@ pub struct Args {
     /// Distance between neighboring windows in cells, for exact mode [default: 4].
     #[arg(long)]
     stride: Option<u32>,
-    /// How many of the 64 offsets modulo 8 are averaged, for dense mode [default: 64].
+    /// How many of the offsets modulo the network's period are averaged, for dense mode, 1 to 64 [default: 64].
     #[arg(long)]
     offsets: Option<u32>,
     /// Divide by the map's maximum.

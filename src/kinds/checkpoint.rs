@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::parquet::{Column, Layout, Table, wrong_value};
 use super::{Kind, KindError, Written, named_file};
 use crate::domain::quantize::{ClassCounts, FEWEST_CLASSES, MOST_CLASSES, class_weights};
-use crate::domain::unet::{Array, Arrays, EpochMetrics, TrainState};
+use crate::domain::unet::{Architecture, Array, Arrays, EpochMetrics, TrainState};
 use crate::store::{Artifact, Store};
 
 const KIND: &str = "Checkpoint";
@@ -36,6 +36,8 @@ pub struct Checkpoint {
 /// What a checkpoint remembers of its training.
 #[derive(Debug, Clone, PartialEq)]
 pub struct CheckpointConfig {
+    /// The network.
+    pub network: Architecture,
     /// Edge of a training window in cells.
     pub window: u32,
     /// Samples of a batch.
@@ -72,6 +74,9 @@ struct ConfigFile {
     kind: String,
     format: u32,
     epoch: u32,
+    /// Older checkpoints have none: they are of the paper's network.
+    #[serde(default)]
+    network: Architecture,
     window: u32,
     batch: u32,
     learning_rate: f64,
@@ -126,12 +131,13 @@ impl Checkpoint {
     }
 
     fn config_bytes(&self) -> Vec<u8> {
-        let CheckpointConfig { window, batch, learning_rate, counts } = self.config.clone();
+        let CheckpointConfig { network, window, batch, learning_rate, counts } = self.config.clone();
         let ClassCounts { unlabeled, obstacle, classes } = counts;
         let file = ConfigFile {
             kind: KIND.to_owned(),
             format: FORMAT,
             epoch: self.state.epoch,
+            network,
             window,
             batch,
             learning_rate,
@@ -217,8 +223,8 @@ fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindError> {
         return wrong("learning_rate", file.learning_rate.to_string(), "a positive number");
     }
     let counts = ClassCounts { unlabeled, obstacle, classes };
-    let ConfigFile { window, batch, learning_rate, epoch, .. } = file;
-    Ok((CheckpointConfig { window, batch, learning_rate, counts }, epoch))
+    let ConfigFile { network, window, batch, learning_rate, epoch, .. } = file;
+    Ok((CheckpointConfig { network, window, batch, learning_rate, counts }, epoch))
 }
 
 fn metrics_columns(classes: u8) -> Vec<Column> {

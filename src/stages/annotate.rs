@@ -10,7 +10,7 @@ use super::{compute, kind, read, write};
 use crate::domain::annotate::{AnnotateConfig, AnnotateError, AnnotateFields, annotate, quantize, thresholds};
 use crate::domain::map::OccupancyMap;
 use crate::domain::unet::{Compute, Network};
-use crate::kinds::{Checkpoint, Heat, Placed, outline};
+use crate::kinds::{Checkpoint, CheckpointConfig, Heat, Placed, outline};
 use crate::pipeline::stage::{
     Arity, Context, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
@@ -98,7 +98,8 @@ pub fn heat(
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Heat, StageError> {
     let classes = usize::from(checkpoint.config.classes());
-    let network = Network::new(classes, &checkpoint.state.model, compute).map_err(StageError::failed)?;
+    let CheckpointConfig { network, .. } = &checkpoint.config;
+    let network = Network::new(network, classes, &checkpoint.state.model, compute).map_err(StageError::failed)?;
     let window = checkpoint.config.window as usize;
     let annotation = annotate(map, window, classes, config, &network, progress).map_err(|error| match error {
         AnnotateError::Cancelled => StageError::Cancelled,

@@ -25,7 +25,7 @@ pub struct Train(TrainConfig);
 impl Definition for Train {
     const SPEC: StageSpec = StageSpec {
         name: "train",
-        version: 1,
+        version: 2,
         ports: &[Port { name: "tiles", kind: "Tiles", arity: Arity::One, doc: "The windows to learn from." }],
         output: kind::<Checkpoint>(),
         seeded: true,
@@ -90,6 +90,7 @@ impl Stage for Train {
         let trainer = trainer.as_mut().map_err(|error| failed(error.clone()))?;
         metrics.push(trainer.epoch(&mut progress).map_err(failed)?);
         let config = CheckpointConfig {
+            network: self.0.network.clone(),
             window: u32::try_from(tiles.size).expect("windows are small"),
             batch: self.0.batch,
             learning_rate: self.0.learning_rate,

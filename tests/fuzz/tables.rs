@@ -229,7 +229,8 @@ fn checkpoint() -> Target {
         let Ok(checkpoint) = Checkpoint::from_files(file) else { return false };
         drop(checkpoint.config.distribution());
         drop(checkpoint.config.class_weights());
-        drop(Network::new(usize::from(checkpoint.config.classes()), &checkpoint.state.model, &compute));
+        let (network, classes) = (&checkpoint.config.network, usize::from(checkpoint.config.classes()));
+        drop(Network::new(network, classes, &checkpoint.state.model, &compute));
         checkpoint.to_files().is_ok()
     })
 }

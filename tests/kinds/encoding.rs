@@ -49,7 +49,7 @@ fn bytes_are_a_function_of_the_value() {
             "NavEpisodes 2 4de0c2097ea3d8c0",
             "ClassScores 2 58f1e0d20e91b5bb",
             "SocialCosts 2 783eae76914f1b99",
-            "Checkpoint 1 config.json 91682a40df00340e",
+            "Checkpoint 1 config.json 92c5b34320f9facc",
             "Checkpoint 1 metrics.parquet 0bac909c836a541d",
             "Checkpoint 1 model.safetensors 8dfb677edd4b761f",
             "Checkpoint 1 optimizer.safetensors aaad0f91a84b7d08",

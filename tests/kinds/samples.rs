@@ -10,7 +10,7 @@ use trodden::domain::score::{ClassScores, Confusion};
 use trodden::domain::social::{EpisodeCost, Estimate, Predictor, PredictorCosts, SocialCosts};
 use trodden::domain::tiles::Tiles;
 use trodden::domain::tracks::{Sample, Tracks, agent_id};
-use trodden::domain::unet::{Array, EpochMetrics, TrainState};
+use trodden::domain::unet::{Architecture, Array, EpochMetrics, TrainState};
 use trodden::kinds::{Checkpoint, CheckpointConfig, Heat, NavEpisodes, NavSample, Placed};
 
 pub fn frame() -> Frame {
@@ -137,6 +137,7 @@ pub fn checkpoint() -> Checkpoint {
     };
     Checkpoint {
         config: CheckpointConfig {
+            network: Architecture::paper(),
             window: 64,
             batch: 32,
             learning_rate: 0.001,

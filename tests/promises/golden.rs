@@ -250,8 +250,8 @@ fn the_network_changes_only_with_a_version() {
     let found: Vec<&str> = told.stdout.lines().filter_map(|line| line.split_once("golden: ")).map(|l| l.1).collect();
     let expected = [
         "tile 2 f7ecd279746ee9cb",
-        "train 1 04d9f6f61861194f",
-        "train 1 8c973ee5c7fabbf8",
+        "train 2 beaae3b26d8d0569",
+        "train 2 b4052ee2092d589d",
         "annotate 2 5d2828a1fa7394cf",
         "annotate 2 42e7908a3352c22d",
     ];

@@ -19,7 +19,8 @@ pub struct AnnotateFields {
     /// Which cells of a window count; `none` and `per-pixel` are the paper's ablations (exact mode); by default full.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub overlap: Option<OverlapName>,
-    /// How many of the 64 offsets modulo 8 are averaged, 1 to 64 (dense mode); by default 64.
+    /// How many of the offsets modulo the network's period (the paper's: 8, so there are 64) are averaged, 1 to 64
+    /// (dense mode); by default 64.
     #[schemars(range(min = 1, max = 64))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offsets: Option<u32>,
@@ -109,7 +110,7 @@ impl From<AnnotateConfig> for AnnotateFields {
 pub enum Mode {
     /// At windows that slide over the map, as in the paper.
     Exact(Overlap),
-    /// At the whole map, once for each of `offsets` of the 64 offsets modulo 8: another estimator, many times as fast.
+    /// At the whole map, once for each of some offsets modulo the network's period: another estimator, many times as fast.
     Dense {
         /// How many of the offsets are averaged, 1 to 64.
         offsets: u32,
@@ -174,6 +175,10 @@ pub enum AnnotateError {
     OtherMode { field: &'static str, with: &'static str, here: &'static str },
     #[error("the window's size is `{0}`, allowed are multiples of 8")]
     Window(usize),
+    #[error("`offsets` is `{offsets}`, this network has {all} different ones")]
+    OffsetsOfNetwork { offsets: u32, all: usize },
+    #[error("the window's size is `{window}`, this network takes multiples of {period}")]
+    WindowOfNetwork { window: usize, period: usize },
     #[error("annotation was cancelled")]
     Cancelled,
 }

@@ -4,24 +4,22 @@ use std::ops::ControlFlow;
 
 use crate::domain::unet::Network;
 
-/// The network halves its input three times: shifting an input by this many cells shifts the prediction, no more.
-pub(super) const PERIOD: usize = 8;
-
 /// What can tell the probabilities of classes in cells: a network.
 pub trait Predict: Sync {
     /// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols], on all threads.
     ///
-    /// `out` gets the probabilities, shape [n, rows, cols, C + 1], class 0 the obstacle.
+    /// `out` gets the probabilities, shape [n, rows, cols, C + 1], class 0 the obstacle. Rows and columns are multiples of the
+    /// [period](Self::period).
     fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]);
 
-    /// Returns whether windows of `size`² cells cost less in [columns](Self::column) than as images.
-    fn shares_columns(&self, size: usize) -> bool;
+    /// Returns by how many cells an input must be shifted so that the prediction is shifted and nothing else.
+    fn period(&self) -> usize;
 
-    /// Predicts the windows that begin at the rows `tops`, multiples of 8, of a column of cells that is as wide as they
-    /// are, on the thread that calls.
-    ///
-    /// `each` gets the number of a window and the probabilities that [`images`](Self::images) would give of it.
-    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32]));
+    /// Returns how many cells it sees to every side.
+    fn sight(&self) -> usize;
+
+    /// Returns how many cells from the edge of an image its prediction may depend on where the edge is.
+    fn edge(&self) -> usize;
 }
 
 impl Predict for Network {
@@ -29,12 +27,16 @@ impl Predict for Network {
         self.predict(images, rows, cols, n, out);
     }
 
-    fn shares_columns(&self, size: usize) -> bool {
-        self.shares_columns(size)
+    fn period(&self) -> usize {
+        self.period()
     }
 
-    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32])) {
-        self.predict_windows(column, size, tops, each);
+    fn sight(&self) -> usize {
+        self.layers().sight()
+    }
+
+    fn edge(&self) -> usize {
+        self.layers().edge()
     }
 }
 

@@ -25,10 +25,8 @@ fn synthetic(images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32])
 /// Predicts by [`synthetic`] and counts the images.
 #[derive(Default)]
 struct Synthetic {
-    shares_columns: bool,
     images: AtomicUsize,
     rows: AtomicUsize,
-    windows: AtomicUsize,
 }
 
 impl Predict for Synthetic {
@@ -38,18 +36,16 @@ impl Predict for Synthetic {
         synthetic(images, rows, cols, n, out);
     }
 
-    fn shares_columns(&self, _: usize) -> bool {
-        self.shares_columns
+    fn period(&self) -> usize {
+        8
     }
 
-    fn column(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32])) {
-        for (number, top) in tops.iter().enumerate() {
-            assert!(top % 8 == 0);
-            let mut out = vec![0.0; size * size * 4];
-            synthetic(&column[top * size..(top + size) * size], size, size, 1, &mut out);
-            self.windows.fetch_add(1, Relaxed);
-            each(number, &out);
-        }
+    fn sight(&self) -> usize {
+        5
+    }
+
+    fn edge(&self) -> usize {
+        22
     }
 }
 
@@ -113,19 +109,6 @@ fn algorithm_1_agrees_with_a_direct_computation() {
             let config = exact(Overlap::Full { stride: stride as u32 });
             assert_close(&run(map, window, &config).heat, &slow(map, window, stride, |_, _| true));
         }
-    }
-}
-
-/// Windows that lie close are taken column by column, if that is worth something.
-#[test]
-fn columns_agree_with_a_direct_computation() {
-    for (map, stride, in_columns) in [(0, 4, true), (1, 1, true), (2, 3, false), (2, 8, true)] {
-        let map = &maps()[map];
-        let config = exact(Overlap::Full { stride: stride as u32 });
-        let predict = Synthetic { shares_columns: true, ..Synthetic::default() };
-        let found = annotate(map, 24, 3, &config, &predict, &mut |_, _| ControlFlow::Continue(())).expect("in range");
-        assert_close(&found.heat, &slow(map, 24, stride, |_, _| true));
-        assert_eq!((predict.windows.into_inner() > 0, predict.images.into_inner() == 0), (in_columns, in_columns));
     }
 }
 
@@ -226,14 +209,32 @@ fn parameters_out_of_range_are_named() {
     assert_eq!(dense(0).check(), Err(AnnotateError::Offsets(0)));
     assert_eq!(full(1).check_with(12), Err(AnnotateError::Window(12)));
     assert_eq!((full(64).check_with(64), dense(64).check_with(8)), (Ok(()), Ok(())));
+    /// A network that halves its input more often, or less.
+    struct Other(usize);
+    impl Predict for Other {
+        fn images(&self, _: &[u8], _: usize, _: usize, _: usize, _: &mut [f32]) {
+            unreachable!("the parameters are refused")
+        }
+        fn period(&self) -> usize {
+            self.0
+        }
+        fn sight(&self) -> usize {
+            1
+        }
+        fn edge(&self) -> usize {
+            1
+        }
+    }
+    let refused = |period, window, config: AnnotateConfig| {
+        annotate(&maps()[0], window, 3, &config, &Other(period), &mut |_, _| ControlFlow::Continue(())).err()
+    };
+    assert_eq!(refused(32, 40, dense(1)), Some(AnnotateError::WindowOfNetwork { window: 40, period: 32 }));
+    assert_eq!(refused(4, 40, dense(17)), Some(AnnotateError::OffsetsOfNetwork { offsets: 17, all: 16 }));
 }
 
 #[test]
 fn progress_may_end_the_work() {
-    for shares_columns in [false, true] {
-        let predict = Synthetic { shares_columns, ..Synthetic::default() };
-        let config = exact(Overlap::Full { stride: 8 });
-        let result = annotate(&maps()[0], 24, 3, &config, &predict, &mut |_, _| ControlFlow::Break(()));
-        assert_eq!(result, Err(AnnotateError::Cancelled));
-    }
+    let config = exact(Overlap::Full { stride: 8 });
+    let result = annotate(&maps()[0], 24, 3, &config, &Synthetic::default(), &mut |_, _| ControlFlow::Break(()));
+    assert_eq!(result, Err(AnnotateError::Cancelled));
 }

@@ -6,9 +6,8 @@ use std::ops::ControlFlow;
 use rayon::prelude::*;
 
 use super::dense::Passes;
-use super::{AnnotateError, Overlap, PERIOD, Predict, Progress};
+use super::{AnnotateError, Overlap, Predict, Progress};
 use crate::domain::geometry::Grid;
-use crate::domain::unet::layers::EDGE;
 
 /// Windows that are predicted at once.
 const BATCH: usize = 64;
@@ -43,21 +42,14 @@ impl Slide {
     /// Returns how to predict the whole map at once, if no cell that counts depends on where its window's edge is.
     ///
     /// The result is the same then, at up to 1/64 of the cost.
-    pub(super) fn as_passes(&self, free: &Grid<bool>) -> Option<Passes> {
-        if self.count > self.stride || self.from < EDGE || self.from + self.count + EDGE > self.size {
+    pub(super) fn as_passes(&self, free: &Grid<bool>, predict: &dyn Predict) -> Option<Passes> {
+        let edge = predict.edge();
+        if self.count > self.stride || self.from < edge || self.from + self.count + edge > self.size {
             return None;
         }
         let start = |cell: usize| (cell as isize - self.from as isize).div_euclid(self.stride as isize);
         let starts = |length| (0..length).map(|cell| start(cell) * self.stride as isize).collect();
-        Some(Passes::as_in_windows([starts(free.rows()), starts(free.cols())]))
-    }
-
-    /// Returns whether all cells of the windows count, and the next one at the same offset modulo 8 overlaps most of a
-    /// window: what both see of a column is then worth sharing.
-    pub(super) fn is_close(&self) -> bool {
-        let mut strides = (1..=PERIOD).map(|n| n * self.stride);
-        let apart = strides.find(|apart| apart.is_multiple_of(PERIOD)).expect("eight strides are");
-        self.count == self.size && 5 * apart <= 2 * self.size
+        Some(Passes::as_in_windows([starts(free.rows()), starts(free.cols())], predict.period()))
     }
 
     /// Returns the top left cells, by row and column, of all windows on the grid that contain a free cell.

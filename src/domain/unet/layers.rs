@@ -1,21 +1,16 @@
-//! The network's layers, and where the parameters of each lie.
+//! The network's layers: what each reads, and where its parameters lie.
 //!
-//! All parameters form one flat vector, so that the optimizer takes one step and the kernels one pointer. The weights of
-//! a convolution lie in it as the kernels read them, `[rows of taps, columns of taps, inputs, outputs]`, followed by its
-//! biases `[outputs]`. Outside of this room they go by PyTorch's names and shapes: `encoder1.weight`
-//! `[outputs, inputs, rows, columns]` and `encoder1.bias` `[outputs]`.
+//! A network is a list of convolutions, each of which makes one feature map of maps before it. All parameters form one
+//! flat vector, so that the optimizer takes one step and the kernels one pointer. The weights of a convolution lie in it as
+//! the kernels read them, `[rows of taps, columns of taps, inputs, outputs]`, followed by its biases `[outputs]`. Outside of
+//! this room they go by PyTorch's names and shapes: `encoder1.weight` `[outputs, inputs, rows, columns]` and `encoder1.bias`
+//! `[outputs]`.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
 
 use super::UnetError;
-
-/// So many cells from the edge of an image, its prediction may depend on where the edge is.
-///
-/// The zeros around each feature map reach one pixel further with every 3×3 convolution. Down the network that is 1 pixel
-/// of full resolution, 2 of half (one of them by pooling), 2 of a quarter and 2 of an eighth; up again 4 + 1 of a
-/// quarter, 10 + 1 of half and, the head having one tap, 22 of full resolution.
-pub const EDGE: usize = 22;
+use super::architecture::Architecture;
 
 /// Values with a shape, in row-major order.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,17 +24,40 @@ pub struct Array {
 /// Arrays by name.
 pub type Arrays = BTreeMap<String, Array>;
 
-/// One convolution: its name, size, and place among the parameters.
+/// What a convolution reads; a feature map goes by the number of the layer that makes it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Input {
+    /// The cells of the floor plan.
+    Cells,
+    /// A map as it is.
+    Map(usize),
+    /// The maxima of two by two pixels of a map.
+    Halved(usize),
+    /// A map of half the resolution with every pixel doubled, and behind it, channel by channel, one of as many channels
+    /// that skipped the levels below.
+    Joined {
+        /// The map that is doubled.
+        small: usize,
+        /// The map beside it.
+        skipped: usize,
+    },
+}
+
+/// One convolution: what it reads, its size, and its place among the parameters.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Layer {
     /// Name, as in `encoder1`.
-    pub name: &'static str,
+    pub name: String,
+    /// What it reads.
+    pub input: Input,
     /// Number of input channels.
     pub inputs: usize,
     /// Number of output channels.
     pub outputs: usize,
     /// Rows and columns of taps: 3, or 1 for the head.
     pub taps: usize,
+    /// Its map is of resolution 1/2^`depth`.
+    pub depth: usize,
     /// First of its parameters in the flat vector.
     pub start: usize,
 }
@@ -59,55 +77,112 @@ impl Layer {
     }
 }
 
-/// The seven convolutions of the network (appendix E), in the order of their parameters.
+/// The convolutions of a network, in the order in which they are computed and in which their parameters lie.
 ///
-/// With C classes the head has C + 1 outputs: class 0 is the obstacle.
+/// On the way down `encoder1`, `encoder2` … at full, half … resolution, a `bottleneck` below the last, and on the way up a
+/// decoder for each encoder but the first, from the lowest, with as many outputs as the level above is wide; a 1×1 `head`
+/// on the first level. A level's second convolution is called `encoder1_2`. All but the head have 3×3 taps and a ReLU.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Layers {
-    /// 1 → 32 channels at full resolution.
-    pub encoder1: Layer,
-    /// 32 → 64 at half of it.
-    pub encoder2: Layer,
-    /// 64 → 128 at a quarter.
-    pub encoder3: Layer,
-    /// 128 → 128 at an eighth.
-    pub bottleneck: Layer,
-    /// 128 from below and 128 from `encoder3` → 64 at a quarter.
-    pub decoder3: Layer,
-    /// 64 from below and 64 from `encoder2` → 32 at half the resolution.
-    pub decoder2: Layer,
-    /// 32 from below and 32 from `encoder1` → C + 1 logits, 1×1.
-    pub head: Layer,
-}
+pub struct Layers(Vec<Layer>);
 
 impl Layers {
-    /// Lays out the parameters of a network for `classes` classes besides the obstacle.
+    /// Lays out the parameters of a network with so many numbers for each cell.
     #[must_use]
-    pub const fn new(classes: usize) -> Self {
-        const fn after(last: &Layer, name: &'static str, inputs: usize, outputs: usize, taps: usize) -> Layer {
-            Layer { name, inputs, outputs, taps, start: last.bias().end }
+    pub fn new(network: &Architecture, outputs: usize) -> Self {
+        let widths: Vec<usize> = network.widths.iter().map(|width| *width as usize).collect();
+        let convolutions = network.convolutions as usize;
+        let mut layers = Self(Vec::new());
+        let mut skipped: Vec<usize> = Vec::new();
+        for (depth, width) in widths.iter().enumerate() {
+            let input = skipped.last().map_or(Input::Cells, |map| Input::Halved(*map));
+            skipped.push(layers.level(&format!("encoder{}", depth + 1), input, *width, depth, convolutions));
         }
-        let encoder1 = Layer { name: "encoder1", inputs: 1, outputs: 32, taps: 3, start: 0 };
-        let encoder2 = after(&encoder1, "encoder2", 32, 64, 3);
-        let encoder3 = after(&encoder2, "encoder3", 64, 128, 3);
-        let bottleneck = after(&encoder3, "bottleneck", 128, 128, 3);
-        let decoder3 = after(&bottleneck, "decoder3", 256, 64, 3);
-        let decoder2 = after(&decoder3, "decoder2", 128, 32, 3);
-        let head = after(&decoder2, "head", 64, classes + 1, 1);
-        Self { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, head }
+        let last = skipped.len() - 1;
+        let mut small = layers.level("bottleneck", Input::Halved(skipped[last]), widths[last], last + 1, convolutions);
+        for depth in (1..=last).rev() {
+            let input = Input::Joined { small, skipped: skipped[depth] };
+            small = layers.level(&format!("decoder{}", depth + 1), input, widths[depth - 1], depth, convolutions);
+        }
+        layers.push("head".to_owned(), Input::Joined { small, skipped: skipped[0] }, outputs, 1, 0);
+        layers
     }
 
-    /// Returns the layers in the order of their parameters.
-    #[must_use]
-    pub const fn all(&self) -> [&Layer; 7] {
-        let Self { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, head } = self;
-        [encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, head]
+    /// Appends the convolutions of a level; returns the number of the last.
+    fn level(&mut self, name: &str, input: Input, outputs: usize, depth: usize, convolutions: usize) -> usize {
+        let mut map = self.push(name.to_owned(), input, outputs, 3, depth);
+        for number in 2..=convolutions {
+            map = self.push(format!("{name}_{number}"), Input::Map(map), outputs, 3, depth);
+        }
+        map
     }
 
-    /// Returns the number of parameters: 424,932 for three classes.
+    fn push(&mut self, name: String, input: Input, outputs: usize, taps: usize, depth: usize) -> usize {
+        let inputs = match input {
+            Input::Cells => 1,
+            Input::Map(map) | Input::Halved(map) => self.0[map].outputs,
+            Input::Joined { small, skipped } => self.0[small].outputs + self.0[skipped].outputs,
+        };
+        let start = self.parameters();
+        self.0.push(Layer { name, input, inputs, outputs, taps, depth, start });
+        self.0.len() - 1
+    }
+
+    /// Returns the layers in the order of their parameters; the last is the head.
     #[must_use]
-    pub const fn parameters(&self) -> usize {
-        self.head.bias().end
+    pub fn all(&self) -> &[Layer] {
+        &self.0
+    }
+
+    /// Returns the last layer.
+    ///
+    /// # Panics
+    /// Never: a network has a head.
+    #[must_use]
+    pub fn head(&self) -> &Layer {
+        self.0.last().expect("a network has a head")
+    }
+
+    /// Returns the number of parameters: 424,932 for the paper's network with three classes and the obstacle.
+    #[must_use]
+    pub fn parameters(&self) -> usize {
+        self.0.last().map_or(0, |layer| layer.bias().end)
+    }
+
+    /// Computes how far from a cell the network sees, in cells to every side: what lies beyond does not matter to it.
+    ///
+    /// A convolution with three taps sees one pixel further, which at depth d is 2^d cells. The pixels of a doubled map that
+    /// it sees belong to pixels of twice the size, which reach as far again beyond them.
+    #[must_use]
+    pub fn sight(&self) -> usize {
+        let mut sight: Vec<usize> = Vec::new();
+        for layer in &self.0 {
+            let (pixel, around) = (1 << layer.depth, layer.taps / 2);
+            sight.push(match layer.input {
+                Input::Cells => around,
+                Input::Map(map) | Input::Halved(map) => sight[map] + around * pixel,
+                Input::Joined { small, skipped } => (sight[small] + pixel).max(sight[skipped]) + around * pixel,
+            });
+        }
+        *sight.last().expect("a network has a head")
+    }
+
+    /// Computes how many cells from the edge of an image a prediction may depend on where the edge is.
+    ///
+    /// The zeros around each feature map reach one pixel further with every 3×3 convolution; the number of pixels that they
+    /// have reached halves (rounded up) and doubles with the resolution.
+    #[must_use]
+    pub fn edge(&self) -> usize {
+        let mut edge: Vec<usize> = Vec::new();
+        for layer in &self.0 {
+            let around = layer.taps / 2;
+            edge.push(match layer.input {
+                Input::Cells => around,
+                Input::Map(map) => edge[map] + around,
+                Input::Halved(map) => edge[map].div_ceil(2) + around,
+                Input::Joined { small, skipped } => (2 * edge[small]).max(edge[skipped]) + around,
+            });
+        }
+        *edge.last().expect("a network has a head")
     }
 
     /// Names the parts of a flat vector of parameters (or of anything else that has one value for each), under
@@ -143,8 +218,8 @@ impl Layers {
             Ok(array)
         };
         let mut flat = Vec::with_capacity(self.parameters());
-        for layer in self.all() {
-            let Layer { name, inputs, outputs, taps, .. } = *layer;
+        for Layer { name, inputs, outputs, taps, .. } in self.all() {
+            let (inputs, outputs, taps) = (*inputs, *outputs, *taps);
             let weights = find(format!("{name}.weight{suffix}"), &[outputs, inputs, taps, taps])?;
             let taps_last = swap_last(&weights.values, outputs, inputs, taps * taps);
             flat.extend(transpose(&taps_last, outputs, taps * taps * inputs));
@@ -168,31 +243,83 @@ fn swap_last(values: &[f32], blocks: usize, rows: usize, cols: usize) -> Vec<f32
 mod tests {
     use super::*;
 
+    fn paper(classes: usize) -> Layers {
+        Layers::new(&Architecture::paper(), classes + 1)
+    }
+
     #[test]
     fn three_classes_make_the_papers_network() {
-        let layers = Layers::new(3);
+        let layers = paper(3);
         assert_eq!(layers.parameters(), 424_932);
         for pair in layers.all().windows(2) {
             assert_eq!(pair[0].bias().end, pair[1].start);
         }
+        let shapes: Vec<_> = layers.all().iter().map(|l| (l.name.as_str(), l.inputs, l.outputs, l.depth)).collect();
+        let expected = [
+            ("encoder1", 1, 32, 0),
+            ("encoder2", 32, 64, 1),
+            ("encoder3", 64, 128, 2),
+            ("bottleneck", 128, 128, 3),
+            ("decoder3", 256, 64, 2),
+            ("decoder2", 128, 32, 1),
+            ("head", 64, 4, 0),
+        ];
+        assert_eq!(shapes, expected);
+    }
+
+    #[test]
+    fn levels_have_as_many_convolutions_as_they_are_told() {
+        let layers = Layers::new(&Architecture { widths: vec![16, 32, 48, 64], convolutions: 2 }, 1);
+        let names: Vec<_> = layers.all().iter().map(|layer| layer.name.as_str()).collect();
+        assert_eq!(names[..4], ["encoder1", "encoder1_2", "encoder2", "encoder2_2"]);
+        assert_eq!(
+            names[8..],
+            [
+                "bottleneck",
+                "bottleneck_2",
+                "decoder4",
+                "decoder4_2",
+                "decoder3",
+                "decoder3_2",
+                "decoder2",
+                "decoder2_2",
+                "head",
+            ]
+        );
+        let decoder = &layers.all()[10];
+        assert_eq!((decoder.inputs, decoder.outputs, decoder.input), (128, 48, Input::Joined { small: 9, skipped: 7 }));
+        assert_eq!(layers.head().input, Input::Joined { small: 15, skipped: 1 });
+    }
+
+    /// Down the paper's network: 1 cell, 2 more, 4 more, 8 more; up, a doubled pixel reaches as far beyond as it is large,
+    /// and the convolution as far again: 4 + 4, 2 + 2, and 1 for the head, which has one tap.
+    ///
+    /// Zeros reach 1 pixel of full resolution, 2 of half (one of them by pooling), 2 of a quarter and 2 of an eighth; up again
+    /// 4 + 1 of a quarter, 10 + 1 of half, and 22 of full resolution.
+    #[test]
+    fn sight_and_edge_follow_from_the_layers() {
+        assert_eq!((paper(3).sight(), paper(3).edge()), (28, 22));
+        let deep = Layers::new(&Architecture::deep(), 1);
+        assert_eq!(deep.sight(), 1 + 2 + 4 + 8 + 16 + 32 + 32 + 16 + 8 + 4 + 1);
+        assert_eq!(deep.edge(), 2 * (2 * (2 * (2 * (2 * 2 + 1) + 1) + 1) + 1));
     }
 
     #[test]
     fn arrays_have_pytorchs_shapes_and_come_back() {
-        let layers = Layers::new(2);
+        let layers = paper(2);
         let flat: Vec<f32> = (0..layers.parameters()).map(|i| i as f32).collect();
         let arrays = layers.to_arrays(&flat, "");
         assert_eq!(arrays["decoder3.weight"].shape, [64, 256, 3, 3]);
         assert_eq!(arrays["head.bias"].shape, [3]);
         // Output 5, input 7, tap (2, 1) of `encoder2`.
-        let expected = flat[layers.encoder2.start + ((2 * 3 + 1) * 32 + 7) * 64 + 5];
+        let expected = flat[layers.all()[1].start + ((2 * 3 + 1) * 32 + 7) * 64 + 5];
         assert_eq!(arrays["encoder2.weight"].values[((5 * 32 + 7) * 3 + 2) * 3 + 1], expected);
         assert_eq!(layers.from_arrays(&arrays, "").expect("complete"), flat);
         assert!(
             matches!(layers.from_arrays(&arrays, ".m"), Err(UnetError::MissingArray(name)) if name == "encoder1.weight.m")
         );
         assert!(
-            matches!(Layers::new(3).from_arrays(&arrays, ""), Err(UnetError::ArrayShape { name, .. }) if name == "head.weight")
+            matches!(paper(3).from_arrays(&arrays, ""), Err(UnetError::ArrayShape { name, .. }) if name == "head.weight")
         );
     }
 }

@@ -3,6 +3,7 @@
 use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, Optimizer};
 use burn::tensor::{Int, Tensor, TensorData};
 
+use super::architecture::Architecture;
 use super::batches::Batch;
 use super::compute::Compute;
 use super::layers::{Array, Arrays, Layers};
@@ -33,14 +34,20 @@ pub(super) struct Learner {
 
 impl Learner {
     /// Draws a new network.
-    pub(super) fn new(compute: &Compute, weights: Vec<f32>, learning_rate: f64, seed: u64) -> Self {
-        let classes = weights.len() - 1;
-        let parameters = UNet::init(classes, seed, compute.device()).parameters();
+    pub(super) fn new(
+        architecture: &Architecture,
+        compute: &Compute,
+        weights: Vec<f32>,
+        learning_rate: f64,
+        seed: u64,
+    ) -> Self {
+        let layers = Layers::new(architecture, weights.len());
+        let parameters = UNet::init(&layers, seed, compute.device()).parameters();
         let adam = AdamConfig::new().with_beta_1(BETA_1).with_beta_2(BETA_2).with_epsilon(EPSILON).build();
         Self {
-            pass: ops::SharedPass::new(classes),
+            pass: ops::SharedPass::new(&layers),
             compute: compute.clone(),
-            layers: Layers::new(classes),
+            layers,
             weights,
             learning_rate,
             parameters: parameters.set_require_grad(false),
@@ -119,7 +126,7 @@ impl Learner {
         let occupancy = Tensor::from_data(TensorData::new(occupancy, shape), device);
         let labels = Tensor::<4, Int>::from_data(TensorData::new(labels, shape), device);
         let weights = Tensor::from_data(TensorData::new(weights, shape), device);
-        let logits = model::logits(&self.layers, parameters, occupancy);
+        let logits = model::logits(&self.layers, parameters, &occupancy);
         let predicted = logits.clone().inner().argmax(1).into_data_as::<i32>().try_into_vec::<i32>().expect("integers");
         let mut tally = Tally::new(self.weights.len() - 1);
         for (label, predicted) in batch.labels.iter().zip(predicted) {

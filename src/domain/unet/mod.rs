@@ -1,6 +1,6 @@
 //! The segmentation U-Net: what it is, how it learns, how it predicts (section IV-B, appendix E of the paper).
 //!
-//! - [`layers`]: the seven convolutions and where their parameters lie;
+//! - [`architecture`]: a network's form, as data; [`layers`]: its convolutions and where their parameters lie;
 //! - [`model`]: the network as a burn module, in burn's own operations; [`loss`]: eq. 4 likewise;
 //! - `ops`: the same network as one operation of ours with hand-written kernels, several times as fast;
 //! - [`compute`]: which device and which instruction set does the work;
@@ -11,6 +11,7 @@
 //! AVX2 and AVX-512 kernels give equal bits, the portable ones, which do not fuse, others. They never depend on the
 //! number of threads: a batch is summed over fixed shards in a fixed order.
 
+pub mod architecture;
 pub mod batches;
 pub mod compute;
 pub mod layers;
@@ -22,6 +23,7 @@ mod ops;
 mod tally;
 pub mod trainer;
 
+pub use architecture::Architecture;
 pub use compute::{Compute, DeviceName, Simd};
 pub use layers::{Array, Arrays, Layers};
 pub use network::Network;
@@ -45,6 +47,8 @@ pub enum UnetError {
     ArrayShape { name: String, expected: Vec<usize>, found: Vec<usize> },
     #[error("there is nothing to train on: no windows")]
     NoSamples,
+    #[error("the windows have {size} cells a side, the network takes multiples of {period}")]
+    Window { size: usize, period: usize },
     #[error("there are {found} class weights, the tiles have {expected} classes with the obstacle")]
     ClassWeights { expected: usize, found: usize },
     #[error("the checkpoint is of a network for {found} classes, the tiles have {expected}")]

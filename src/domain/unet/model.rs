@@ -6,20 +6,21 @@ use burn::tensor::module::{conv2d, interpolate, max_pool2d};
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions, MaxPoolOptions};
 use burn::tensor::{Device, Tensor, TensorData};
 
-use super::layers::{Layer, Layers};
+use super::layers::{Input, Layer, Layers};
 use crate::domain::random::Stream;
 
-/// The segmentation U-Net (section IV-B, appendix E).
+/// The segmentation U-Net (section IV-B, appendix E), or one of another [architecture](super::Architecture).
 ///
-/// Three levels of convolution and max pooling, a bottleneck, two levels of upsampling, concatenation and convolution,
-/// and a 1×1 head on the upsampled features beside those of the first level. All convolutions are 3×3 with zero
-/// padding, bias and ReLU.
+/// Levels of convolution and max pooling, a bottleneck, levels of upsampling, concatenation and convolution, and a 1×1 head
+/// on the upsampled features beside those of the first level. All other convolutions are 3×3 with zero padding, bias and
+/// ReLU.
 #[derive(Module, Debug)]
 pub struct UNet {
     /// All parameters, in the order of [`Layers`].
     parameters: Param<Tensor<1>>,
-    /// Number of classes besides the obstacle.
-    classes: usize,
+    /// The convolutions.
+    #[module(skip)]
+    layers: Layers,
 }
 
 impl UNet {
@@ -27,15 +28,14 @@ impl UNet {
     ///
     /// The weights come from one stream of `seed`, layer by layer in the order of the flat vector.
     #[must_use]
-    pub fn init(classes: usize, seed: u64, device: &Device) -> Self {
-        let layers = Layers::new(classes);
+    pub fn init(layers: &Layers, seed: u64, device: &Device) -> Self {
         let mut stream = Stream::new(seed, &[0; 32], 0, "unet/init");
         let mut flat = vec![0.0; layers.parameters()];
         for layer in layers.all() {
             let deviation = libm::sqrt(2.0 / (layer.taps * layer.taps * layer.inputs) as f64);
             flat[layer.weights()].fill_with(|| stream.normal(0.0, deviation) as f32);
         }
-        Self::from_parameters(classes, flat, device)
+        Self::from_parameters(layers, flat, device)
     }
 
     /// Makes a network of the parameters in a flat vector.
@@ -43,16 +43,11 @@ impl UNet {
     /// # Panics
     /// If there are not as many as [`Layers`] says.
     #[must_use]
-    pub fn from_parameters(classes: usize, flat: Vec<f32>, device: &Device) -> Self {
-        assert_eq!(flat.len(), Layers::new(classes).parameters(), "one value for each parameter");
+    pub fn from_parameters(layers: &Layers, flat: Vec<f32>, device: &Device) -> Self {
         let count = flat.len();
-        Self::from_tensor(classes, Tensor::from_data(TensorData::new(flat, [count]), device))
-    }
-
-    /// Makes a network of a tensor of parameters.
-    #[must_use]
-    pub fn from_tensor(classes: usize, parameters: Tensor<1>) -> Self {
-        Self { parameters: Param::from_tensor(parameters), classes }
+        assert_eq!(count, layers.parameters(), "one value for each parameter");
+        let parameters = Tensor::from_data(TensorData::new(flat, [count]), device);
+        Self { parameters: Param::from_tensor(parameters), layers: layers.clone() }
     }
 
     /// Returns the tensor of parameters.
@@ -61,19 +56,13 @@ impl UNet {
         self.parameters.val()
     }
 
-    /// Returns the parameters as plain numbers.
-    #[must_use]
-    pub fn to_flat(&self) -> Vec<f32> {
-        self.parameters().into_data().try_into_vec().expect("parameters are f32")
-    }
-
-    /// Computes the logits of all classes from occupancy, with burn's own operations.
+    /// Computes the numbers of every cell from occupancy, with burn's own operations.
     ///
-    /// Input [batch, 1, rows, columns] with 1 for free and 0 for blocked cells, rows and columns multiples of 8; output
-    /// [batch, C + 1, rows, columns], class 0 being the obstacle.
+    /// Input [batch, 1, rows, columns] with 1 for free and 0 for blocked cells, rows and columns multiples of the network's
+    /// [period](super::Architecture::period); output [batch, outputs, rows, columns], not yet probabilities.
     #[must_use]
     pub fn forward(&self, occupancy: Tensor<4>) -> Tensor<4> {
-        logits(&Layers::new(self.classes), &self.parameters(), occupancy)
+        logits(&self.layers, &self.parameters(), &occupancy)
     }
 
     /// Computes the probabilities of all classes, shaped as the [logits](Self::forward).
@@ -84,15 +73,21 @@ impl UNet {
 }
 
 /// Computes the network's logits from the flat vector of its parameters.
-pub(super) fn logits(layers: &Layers, parameters: &Tensor<1>, occupancy: Tensor<4>) -> Tensor<4> {
-    let convolve = |layer: &Layer, x: Tensor<4>| convolve(layer, parameters, x);
-    let level1 = relu(convolve(&layers.encoder1, occupancy));
-    let level2 = relu(convolve(&layers.encoder2, halve(level1.clone())));
-    let level3 = relu(convolve(&layers.encoder3, halve(level2.clone())));
-    let bottom = relu(convolve(&layers.bottleneck, halve(level3.clone())));
-    let up3 = relu(convolve(&layers.decoder3, Tensor::cat(vec![double(bottom), level3], 1)));
-    let up2 = relu(convolve(&layers.decoder2, Tensor::cat(vec![double(up3), level2], 1)));
-    convolve(&layers.head, Tensor::cat(vec![double(up2), level1], 1))
+pub(super) fn logits(layers: &Layers, parameters: &Tensor<1>, occupancy: &Tensor<4>) -> Tensor<4> {
+    let mut maps: Vec<Tensor<4>> = Vec::new();
+    for layer in layers.all() {
+        let input = match layer.input {
+            Input::Cells => occupancy.clone(),
+            Input::Map(map) => maps[map].clone(),
+            Input::Halved(map) => halve(maps[map].clone()),
+            Input::Joined { small, skipped } => {
+                Tensor::cat(vec![double(maps[small].clone()), maps[skipped].clone()], 1)
+            }
+        };
+        let map = convolve(layer, parameters, input);
+        maps.push(if layer.taps > 1 { relu(map) } else { map });
+    }
+    maps.pop().expect("a network has a head")
 }
 
 fn convolve(layer: &Layer, parameters: &Tensor<1>, x: Tensor<4>) -> Tensor<4> {

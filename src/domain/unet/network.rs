@@ -2,8 +2,9 @@
 
 use burn::tensor::{Tensor, TensorData};
 
+use super::architecture::Architecture;
 use super::compute::Compute;
-use super::layers::{Arrays, EDGE, Layers};
+use super::layers::{Arrays, Layers};
 use super::model::UNet;
 use super::{UnetError, ops};
 
@@ -14,6 +15,8 @@ const PLAIN_BATCH: usize = 16;
 pub struct Network {
     compute: Compute,
     classes: usize,
+    period: usize,
+    layers: Layers,
     model: UNet,
     kernels: Option<ops::Predictor>,
 }
@@ -23,17 +26,35 @@ impl Network {
     ///
     /// # Errors
     /// [`UnetError`] if an array is missing or of another shape.
-    pub fn new(classes: usize, model: &Arrays, compute: &Compute) -> Result<Self, UnetError> {
-        let flat = Layers::new(classes).from_arrays(model, "")?;
-        let kernels = compute.kernels().map(|simd| ops::Predictor::new(classes, &flat, simd));
-        let model = UNet::from_parameters(classes, flat, compute.device());
-        Ok(Self { compute: compute.clone(), classes, model, kernels })
+    pub fn new(
+        architecture: &Architecture,
+        classes: usize,
+        model: &Arrays,
+        compute: &Compute,
+    ) -> Result<Self, UnetError> {
+        let layers = Layers::new(architecture, classes + 1);
+        let flat = layers.from_arrays(model, "")?;
+        let kernels = compute.kernels().map(|simd| ops::Predictor::new(&layers, &flat, simd));
+        let model = UNet::from_parameters(&layers, flat, compute.device());
+        Ok(Self { compute: compute.clone(), classes, period: architecture.period(), layers, model, kernels })
     }
 
     /// Returns the number of classes C, not counting the obstacle.
     #[must_use]
     pub const fn classes(&self) -> usize {
         self.classes
+    }
+
+    /// Returns what sides of images are multiples of; see [`Architecture::period`].
+    #[must_use]
+    pub const fn period(&self) -> usize {
+        self.period
+    }
+
+    /// Returns the convolutions.
+    #[must_use]
+    pub const fn layers(&self) -> &Layers {
+        &self.layers
     }
 
     /// Predicts square windows: `n` of `size`² cells each; see [`predict`](Self::predict).
@@ -50,9 +71,10 @@ impl Network {
     /// being the obstacle. Beyond its edge an image counts as blocked (zero padding).
     ///
     /// # Panics
-    /// If `rows` or `cols` is no multiple of 8, or a slice is not of the size given.
+    /// If `rows` or `cols` is no multiple of the [period](Self::period), or a slice is not of the size given.
     pub fn predict(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
-        assert!(rows.is_multiple_of(8) && cols.is_multiple_of(8), "the network halves its input three times");
+        let period = self.period;
+        assert!(rows.is_multiple_of(period) && cols.is_multiple_of(period), "images can be halved at every level");
         assert_eq!(images.len(), n * rows * cols, "one value for each cell");
         assert_eq!(out.len(), images.len() * (self.classes + 1), "one value for each cell and class");
         match &self.kernels {
@@ -62,37 +84,6 @@ impl Network {
                 let batches = images.chunks(PLAIN_BATCH * cells);
                 for (images, out) in batches.zip(out.chunks_mut(PLAIN_BATCH * cells * (self.classes + 1))) {
                     self.plain(images, rows, cols, out);
-                }
-            }
-        }
-    }
-
-    /// Returns whether [windows of a column](Self::predict_windows) cost less than by themselves.
-    #[must_use]
-    pub const fn shares_columns(&self, size: usize) -> bool {
-        self.kernels.is_some() && size > 2 * EDGE
-    }
-
-    /// Predicts the windows of `size`² cells that begin at the rows `tops` of a column of cells, `size` cells wide.
-    ///
-    /// `each` gets the number of each window and its probabilities, [`size`, `size`, C + 1]: the same, to the bit, as of
-    /// the window [by itself](Self::predict), but what the windows share is computed once. It works on the thread that
-    /// calls.
-    ///
-    /// # Panics
-    /// If `size`, the number of rows of the column, or one of `tops` is no multiple of 8, or a window ends beyond it.
-    pub fn predict_windows(&self, column: &[u8], size: usize, tops: &[usize], each: &mut dyn FnMut(usize, &[f32])) {
-        let rows = column.len() / size;
-        assert!(rows.is_multiple_of(8) && size.is_multiple_of(8), "the network halves its input three times");
-        assert!(
-            tops.iter().all(|top| top.is_multiple_of(8) && top + size <= rows),
-            "windows lie in the column, at the same offset as it does"
-        );
-        match &self.kernels {
-            Some(kernels) if self.shares_columns(size) => kernels.predict_windows(column, size, tops, each),
-            _ => {
-                for (number, top) in tops.iter().enumerate() {
-                    each(number, &self.probabilities(&column[top * size..(top + size) * size], size, 1));
                 }
             }
         }

@@ -6,6 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::UnetError;
+use super::architecture::Architecture;
 use super::batches::{Batch, Order};
 use super::compute::{Compute, DeviceName};
 use super::layers::Arrays;
@@ -17,6 +18,8 @@ use crate::domain::tiles::Tiles;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
 pub struct TrainConfig {
+    /// The network: `paper`, `deep`, or its levels' `widths` and `convolutions`.
+    pub network: Architecture,
     /// How often every sample is learned from, 1 to 100,000.
     #[schemars(range(min = 1, max = 100_000))]
     pub epochs: u32,
@@ -33,7 +36,8 @@ pub struct TrainConfig {
 
 impl Default for TrainConfig {
     fn default() -> Self {
-        Self { epochs: 30, batch: 32, learning_rate: 0.001, device: DeviceName::default() }
+        let network = Architecture::default();
+        Self { network, epochs: 30, batch: 32, learning_rate: 0.001, device: DeviceName::default() }
     }
 }
 
@@ -43,6 +47,7 @@ impl TrainConfig {
     /// # Errors
     /// [`UnetError::Range`] names the parameter and what is allowed.
     pub fn check(&self) -> Result<(), UnetError> {
+        self.network.check()?;
         let range = |ok: bool, field, value: String, allowed| {
             if ok { Ok(()) } else { Err(UnetError::Range { field, value, allowed }) }
         };
@@ -125,7 +130,8 @@ impl<'a> Trainer<'a> {
     /// Starts with a newly drawn network; `weights` are the w_c of the classes 0 to C.
     ///
     /// # Errors
-    /// [`UnetError`] if a parameter is out of range, there are no tiles, or not one weight for each class.
+    /// [`UnetError`] if a parameter is out of range, there are no tiles or of a size that the network cannot halve at every
+    /// level, or not one weight for each class.
     pub fn new(
         tiles: &'a Tiles,
         weights: &[f64],
@@ -141,10 +147,14 @@ impl<'a> Trainer<'a> {
         if weights.len() != expected {
             return Err(UnetError::ClassWeights { expected, found: weights.len() });
         }
+        let period = config.network.period();
+        if !tiles.size.is_multiple_of(period) {
+            return Err(UnetError::Window { size: tiles.size, period });
+        }
         let weights = weights.iter().map(|weight| *weight as f32).collect();
         Ok(Self {
             tiles,
-            learner: Learner::new(compute, weights, config.learning_rate, seed),
+            learner: Learner::new(&config.network, compute, weights, config.learning_rate, seed),
             batch: config.batch as usize,
             seed,
             epoch: 0,

@@ -1,7 +1,5 @@
 //! Feature maps in memory, and the ways in which convolutions walk over them.
 
-use std::ops::Range;
-
 /// A feature map with a border: rows, columns and channels of numbers, channels last, with one pixel of zeros around it.
 ///
 /// The border is the zero padding of the convolutions. It is zero from the start and nothing writes to it.
@@ -41,11 +39,6 @@ impl Source<'_> {
     pub(super) const fn first_channels(self, channels: usize) -> Self {
         Self { channels, ..self }
     }
-
-    /// Leaves out the rows of the grid above `row`.
-    pub(super) fn starting_at(self, row: usize) -> Self {
-        Self { data: &self.data[row * self.row..], ..self }
-    }
 }
 
 /// A grid of pixels to be written: pixel (r, c) begins at `r · row + c · pixel`.
@@ -59,24 +52,11 @@ pub(super) struct Target<'a> {
     pub(super) channels: usize,
 }
 
-impl Target<'_> {
-    /// Leaves out all but some rows.
-    pub(super) fn only(self, rows: Range<usize>) -> Self {
-        assert!(rows.end <= self.rows, "the rows are there");
-        Self { data: &mut self.data[rows.start * self.row..], rows: rows.len(), ..self }
-    }
-}
-
 /// One of the four pixels that a pixel becomes when an image is doubled: its row and column, 0 or 1.
 pub(super) type Phase = [usize; 2];
 
 /// The four phases.
 pub(super) const PHASES: [Phase; 4] = [[0, 0], [0, 1], [1, 0], [1, 1]];
-
-/// Returns which rows of a phase are among `rows` of the doubled image: r with 2r + a in it.
-pub(super) const fn rows_of(rows: &Range<usize>, [a, _]: Phase) -> Range<usize> {
-    (rows.start + 1 - a) / 2..(rows.end + 1 - a) / 2
-}
 
 impl Image {
     /// Gives the image a size; if it is another one than before, all becomes zero.
@@ -107,12 +87,6 @@ impl Image {
     pub(super) fn row_mut(&mut self, row: usize) -> &mut [f32] {
         let start = self.first() + row * self.stride();
         &mut self.data[start..][..self.cols * self.channels]
-    }
-
-    /// Returns rows with their border, as they lie in memory: line 0 is the border above, line r + 1 holds row r.
-    pub(super) fn lines(&mut self, lines: Range<usize>) -> &mut [f32] {
-        let stride = self.stride();
-        &mut self.data[lines.start * stride..lines.end * stride]
     }
 
     /// Each pixel by itself: one tap.

@@ -3,7 +3,7 @@
 //! burn sees one operation, [`UnetLoss`]: from the parameters to the loss of a batch. It computes the gradients on the
 //! way, image by image, so that no feature map outlives its image; the backward step hands them over.
 //!
-//! - [`pass`]: the network on one image, forward and back; [`column`](mod@column): on windows that share most of it;
+//! - [`pass`]: the network on one image, forward and back;
 //! - [`parameters`]: the parameters as the kernels read them, and the sums of their gradients;
 //! - [`image`]: feature maps in memory; [`lanes`]: registers of each instruction set, [`dispatch`](mod@dispatch) chooses one;
 //! - [`convolution`], [`correlation`]: the two kernels that take nearly all of the time, the only ones in intrinsics;
@@ -11,7 +11,6 @@
 //!
 //! Each function that computes takes the instruction set and runs the copy of its loops that was compiled for it.
 
-mod column;
 mod convolution;
 mod correlation;
 mod dispatch;
@@ -39,7 +38,6 @@ use super::batches::Batch;
 use super::compute::Simd;
 use super::layers::Layers;
 use super::tally::Tally;
-use column::Columns;
 use parameters::{Gradients, Parameters, reduce};
 use pass::Workspace;
 use softmax::{Labeled, Outcome};
@@ -67,36 +65,23 @@ pub(super) struct Predictor {
     simd: Simd,
     parameters: Parameters,
     workspaces: Pool<Workspace>,
-    columns: Pool<Columns>,
 }
 
 impl Predictor {
     /// Prepares the parameters of a flat vector.
-    pub(super) fn new(classes: usize, flat: &[f32], simd: Simd) -> Self {
-        let mut parameters = Parameters::new(classes);
+    pub(super) fn new(layers: &Layers, flat: &[f32], simd: Simd) -> Self {
+        let mut parameters = Parameters::new(layers);
         parameters.load(flat, false);
-        Self { simd, parameters, workspaces: Pool::default(), columns: Pool::default() }
+        Self { simd, parameters, workspaces: Pool::default() }
     }
 
     /// Predicts images of `rows` × `cols` cells: [image, rows, cols, C + 1] probabilities.
     pub(super) fn predict(&self, images: &[u8], rows: usize, cols: usize, out: &mut [f32]) {
         let cells = rows * cols;
-        let out = out.par_chunks_exact_mut(cells * self.parameters.layers.head.outputs);
+        let out = out.par_chunks_exact_mut(cells * self.parameters.layers.head().outputs);
         images.par_chunks_exact(cells).zip(out).for_each(|(image, out)| {
             self.workspaces.with(|workspace| workspace.predict(self.simd, &self.parameters, (image, rows, cols), out));
         });
-    }
-
-    /// Predicts windows of `size`² cells of a column, on the thread that calls; see [`Columns::windows`].
-    pub(super) fn predict_windows(
-        &self,
-        column: &[u8],
-        size: usize,
-        tops: &[usize],
-        each: &mut dyn FnMut(usize, &[f32]),
-    ) {
-        let image = (column, column.len() / size, size);
-        self.columns.with(|columns| columns.windows(self.simd, &self.parameters, image, tops, each));
     }
 }
 
@@ -212,11 +197,10 @@ impl<C: CheckpointStrategy> UnetLoss for Autodiff<Flex, C> {
 pub(super) struct SharedPass(Mutex<Pass>);
 
 impl SharedPass {
-    /// Prepares buffers for a network with `classes` classes besides the obstacle.
-    pub(super) fn new(classes: usize) -> Self {
-        let layers = Layers::new(classes);
-        let shards = vec![Gradients::new(&layers); SHARDS];
-        let parameters = Parameters::new(classes);
+    /// Prepares buffers for a network.
+    pub(super) fn new(layers: &Layers) -> Self {
+        let shards = vec![Gradients::new(layers); SHARDS];
+        let parameters = Parameters::new(layers);
         Self(Mutex::new(Pass { parameters, shards, workspaces: Pool::default(), outcome: Outcome::default() }))
     }
 

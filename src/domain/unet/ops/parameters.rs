@@ -8,12 +8,15 @@
 //! - The gradient of a convolution's input is a convolution of the gradient of its output, with the taps turned by half a
 //!   turn and inputs and outputs exchanged. For a doubled image it has four by four taps, two pixels apart.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use super::convolution::Weights;
 use super::image::{PHASES, Phase};
 use super::softmax::Outcome;
-use crate::domain::unet::layers::{Layer, Layers};
+use crate::domain::unet::architecture::LANES;
+use crate::domain::unet::layers::{Input, Layer, Layers};
 use crate::domain::unet::tally::Tally;
 
 /// The rows (or columns) of 3×3 taps that read the small pixel `i` of the two that phase `a` sees.
@@ -36,16 +39,26 @@ const fn unfolded(d: usize) -> &'static [usize] {
     }
 }
 
-/// The head's outputs are padded to so many, which fill a register of every instruction set.
-const HEAD: usize = 16;
-
-/// A layer whose first half of inputs comes from a doubled image.
+/// What is made of the parameters of one layer; what the layer has no need of stays empty.
 #[derive(Debug, Clone, Default)]
-struct Doubled {
-    /// `[phase][tap, 4][input][output]`.
-    forward: Vec<f32>,
-    /// `[tap, 16][output][input]`.
-    backward: Vec<f32>,
+struct Made {
+    /// Of the half of the inputs that is doubled, `[phase][tap, 4][input][output]`.
+    phases: Vec<f32>,
+    /// Of that half, for its gradient, `[tap, 16][output][input]`.
+    undoubled: Vec<f32>,
+    /// For the gradient of the other inputs, `[tap][output][input]`.
+    turned: Vec<f32>,
+}
+
+/// The head's parameters, as its outputs are too few to fill registers.
+#[derive(Debug, Clone, Default)]
+struct Head {
+    /// `[input][output]`, padded with zeros.
+    weights: Vec<f32>,
+    /// Padded with zeros.
+    bias: Vec<f32>,
+    /// `[output][input]` of the first and of the second half of the inputs.
+    turned: [Vec<f32>; 2],
 }
 
 /// All parameters, as the kernels read them.
@@ -53,72 +66,55 @@ struct Doubled {
 pub(super) struct Parameters {
     pub(super) layers: Layers,
     flat: Vec<f32>,
-    up3: Doubled,
-    up2: Doubled,
-    /// The head's weights `[input][output]` and biases, padded with zeros.
-    head: Vec<f32>,
-    head_bias: Vec<f32>,
-    /// Weights for gradients of inputs, `[tap][output][input]`: encoder 2 and 3, bottleneck, the second halves of
-    /// decoder 3 and 2.
-    turned: [Vec<f32>; 5],
-    /// `[output][input]` of the head's first and second half of inputs.
-    head_turned: [Vec<f32>; 2],
+    /// One for each layer.
+    made: Vec<Made>,
+    head: Head,
 }
 
 impl Parameters {
-    pub(super) fn new(classes: usize) -> Self {
-        Self {
-            layers: Layers::new(classes),
-            flat: Vec::new(),
-            up3: Doubled::default(),
-            up2: Doubled::default(),
-            head: Vec::new(),
-            head_bias: Vec::new(),
-            turned: Default::default(),
-            head_turned: Default::default(),
-        }
+    pub(super) fn new(layers: &Layers) -> Self {
+        let made = vec![Made::default(); layers.all().len()];
+        Self { layers: layers.clone(), flat: Vec::new(), made, head: Head::default() }
     }
 
     /// Returns the number of the head's outputs with their padding.
-    pub(super) const fn head_outputs(&self) -> usize {
-        self.layers.head.outputs.next_multiple_of(HEAD)
+    pub(super) fn head_outputs(&self) -> usize {
+        padded(&self.layers)
     }
 
     /// Takes over the parameters of a flat vector; `backward` says whether gradients will be asked for.
     pub(super) fn load(&mut self, flat: &[f32], backward: bool) {
-        let layers = self.layers.clone();
         self.flat.clear();
         self.flat.extend_from_slice(flat);
-        for (doubled, layer) in [(&mut self.up3, &layers.decoder3), (&mut self.up2, &layers.decoder2)] {
-            fold(flat, layer, &mut doubled.forward);
+        for (layer, made) in self.layers.all().iter().zip(&mut self.made).filter(|(layer, _)| layer.taps > 1) {
+            if let Input::Joined { .. } = layer.input {
+                fold(flat, layer, &mut made.phases);
+                if backward {
+                    unfold(flat, layer, &mut made.undoubled);
+                }
+            }
+            if backward && layer.input != Input::Cells {
+                turn(flat, layer, &mut made.turned);
+            }
         }
-        let outputs = self.head_outputs();
-        let head = &layers.head;
-        self.head.resize(head.inputs * outputs, 0.0);
-        for (padded, weights) in
-            self.head.chunks_exact_mut(outputs).zip(flat[head.weights()].chunks_exact(head.outputs))
+        self.load_head(backward);
+    }
+
+    fn load_head(&mut self, backward: bool) {
+        let (head, outputs) = (self.layers.head(), padded(&self.layers));
+        let Head { weights, bias, turned } = &mut self.head;
+        weights.resize(head.inputs * outputs, 0.0);
+        for (padded, row) in weights.chunks_exact_mut(outputs).zip(self.flat[head.weights()].chunks_exact(head.outputs))
         {
-            padded[..head.outputs].copy_from_slice(weights);
+            padded[..head.outputs].copy_from_slice(row);
         }
-        self.head_bias.resize(outputs, 0.0);
-        self.head_bias[..head.outputs].copy_from_slice(&flat[head.bias()]);
-        if !backward {
-            return;
-        }
-        for (doubled, layer) in [(&mut self.up3, &layers.decoder3), (&mut self.up2, &layers.decoder2)] {
-            unfold(flat, layer, &mut doubled.backward);
-        }
-        let Layers { encoder2, encoder3, bottleneck, decoder3, decoder2, .. } = &layers;
-        let first = [0, 0, 0, decoder3.inputs / 2, decoder2.inputs / 2];
-        let turned = [encoder2, encoder3, bottleneck, decoder3, decoder2].into_iter().zip(first).zip(&mut self.turned);
-        for ((layer, first), turned) in turned {
-            turn(flat, layer, first, turned);
-        }
-        for (half, turned) in self.head_turned.iter_mut().enumerate() {
-            let inputs = head.inputs / 2;
-            turned.clear();
-            for output in 0..head.outputs {
-                turned.extend((0..inputs).map(|i| flat[head.start + (half * inputs + i) * head.outputs + output]));
+        bias.resize(outputs, 0.0);
+        bias[..head.outputs].copy_from_slice(&self.flat[head.bias()]);
+        if backward {
+            let half = head.inputs / 2 * head.outputs;
+            for (turned, weights) in turned.iter_mut().zip(self.flat[head.weights()].chunks_exact(half)) {
+                turned.resize(half, 0.0);
+                transpose(weights, head.inputs / 2, head.outputs, turned);
             }
         }
     }
@@ -134,47 +130,50 @@ impl Parameters {
         &self.flat[layer.bias()]
     }
 
-    /// Returns the first convolution's weights as one tap of nine inputs.
-    pub(super) fn first(&self) -> Weights<'_> {
-        Weights { data: &self.flat[self.layers.encoder1.weights()], tap: 0 }
+    /// Returns the weights of a layer that reads cells, as one tap of all the cells that it sees.
+    pub(super) fn of_cells(&self, layer: &Layer) -> Weights<'_> {
+        Weights { data: &self.flat[layer.weights()], tap: 0 }
     }
 
-    /// Returns the weights of a decoder for a `phase` of the image that is doubled.
-    pub(super) fn doubled(&self, layer: &Layer, [a, b]: Phase) -> Weights<'_> {
-        let tap = layer.inputs / 2 * layer.outputs;
-        Weights { data: &self.decoder(layer).forward[(2 * a + b) * 4 * tap..][..4 * tap], tap }
+    /// Returns the weights of a layer (by its number) for a `phase` of the map that is doubled.
+    pub(super) fn phase(&self, number: usize, [a, b]: Phase) -> Weights<'_> {
+        let phases = &self.made[number].phases;
+        let phase = phases.len() / 4;
+        Weights { data: &phases[(2 * a + b) * phase..][..phase], tap: phase / 4 }
     }
 
-    /// Returns the weights for the gradient of the image that a decoder doubles.
-    pub(super) fn undoubled(&self, layer: &Layer) -> Weights<'_> {
-        Weights { data: &self.decoder(layer).backward, tap: layer.inputs / 2 * layer.outputs }
+    /// Returns the weights for the gradient of the map that a layer (by its number) doubles.
+    pub(super) fn undoubled(&self, number: usize) -> Weights<'_> {
+        let data = self.made[number].undoubled.as_slice();
+        Weights { data, tap: data.len() / 16 }
     }
 
-    fn decoder(&self, layer: &Layer) -> &Doubled {
-        if *layer == self.layers.decoder3 { &self.up3 } else { &self.up2 }
-    }
-
-    /// Returns the weights for the gradient of a layer's inputs; of a decoder's, those of the second half.
-    ///
-    /// # Panics
-    /// If the layer is the first or the head.
-    pub(super) fn turned(&self, layer: &Layer) -> Weights<'_> {
-        let all = self.layers.all();
-        let index = all[1..6].iter().position(|other| *other == layer).expect("a layer between the first and the head");
-        let data = self.turned[index].as_slice();
+    /// Returns the weights for the gradient of a layer's (by its number) inputs, of those that are not doubled.
+    pub(super) fn turned(&self, number: usize) -> Weights<'_> {
+        let data = self.made[number].turned.as_slice();
         Weights { data, tap: data.len() / 9 }
     }
 
     /// Returns the head's weights and biases for the first (0) or second (1) half of its inputs.
     pub(super) fn head(&self, half: usize) -> (Weights<'_>, &[f32]) {
-        let start = half * self.layers.head.inputs / 2 * self.head_outputs();
-        (Weights { data: &self.head[start..], tap: 0 }, &self.head_bias)
+        let start = half * self.head.weights.len() / 2;
+        (Weights { data: &self.head.weights[start..], tap: 0 }, &self.head.bias)
     }
 
     /// Returns the weights for the gradient of the first (0) or second (1) half of the head's inputs.
     pub(super) fn head_turned(&self, half: usize) -> Weights<'_> {
-        Weights { data: &self.head_turned[half], tap: 0 }
+        Weights { data: &self.head.turned[half], tap: 0 }
     }
+}
+
+/// Returns how many outputs the head computes, so that they fill registers.
+fn padded(layers: &Layers) -> usize {
+    layers.head().outputs.next_multiple_of(LANES)
+}
+
+/// Returns how many of a layer's inputs come from a map that is doubled: the first half, or none.
+const fn doubled(layer: &Layer) -> usize {
+    if matches!(layer.input, Input::Joined { .. }) { layer.inputs / 2 } else { 0 }
 }
 
 /// Adds up taps of a layer's first half of inputs: `rows` × `cols` of the 3×3.
@@ -211,8 +210,9 @@ fn unfold(flat: &[f32], layer: &Layer, backward: &mut Vec<f32>) {
     );
 }
 
-/// Makes the weights for the gradient of a layer's inputs from the channel `first` on.
-fn turn(flat: &[f32], layer: &Layer, first: usize, turned: &mut Vec<f32>) {
+/// Makes the weights for the gradient of those of a layer's inputs that are not doubled.
+fn turn(flat: &[f32], layer: &Layer, turned: &mut Vec<f32>) {
+    let first = doubled(layer);
     let (inputs, outputs) = (layer.inputs - first, layer.outputs);
     turned.resize(9 * inputs * outputs, 0.0);
     turned.par_chunks_exact_mut(inputs * outputs).enumerate().for_each(|(tap, out)| {
@@ -236,34 +236,37 @@ fn transpose(from: &[f32], rows: usize, cols: usize, to: &mut [f32]) {
 /// Sums of gradients over some samples of a batch, with their loss.
 #[derive(Debug, Clone)]
 pub(super) struct Gradients {
-    /// The flat vector of the parameters, followed by what [`Parameters`] makes of them: both decoders' phases, the
-    /// padded head and its biases.
+    /// The flat vector of the parameters, followed by what [`Parameters`] makes of them: the phases of each layer that
+    /// doubles a map, the padded head and its biases.
     sums: Vec<f32>,
     places: Places,
     pub(super) outcome: Outcome,
 }
 
-/// Where the parts of [`Gradients`] begin.
-#[derive(Debug, Clone, Copy)]
+/// Where the parts of [`Gradients`] lie.
+#[derive(Debug, Clone)]
 struct Places {
-    up3: usize,
-    up2: usize,
-    head: usize,
-    head_bias: usize,
-    end: usize,
+    /// For each layer its phases; empty if it has none.
+    phases: Vec<Range<usize>>,
+    head: Range<usize>,
+    head_bias: Range<usize>,
 }
 
 impl Gradients {
     pub(super) fn new(layers: &Layers) -> Self {
-        let folded = |layer: &Layer| 16 * layer.inputs / 2 * layer.outputs;
-        let outputs = layers.head.outputs.next_multiple_of(HEAD);
-        let up3 = layers.parameters();
-        let up2 = up3 + folded(&layers.decoder3);
-        let head = up2 + folded(&layers.decoder2);
-        let head_bias = head + layers.head.inputs * outputs;
-        let places = Places { up3, up2, head, head_bias, end: head_bias + outputs };
-        let outcome = Outcome { loss: 0.0, tally: Tally::new(layers.head.outputs - 1) };
-        Self { sums: vec![0.0; places.end], places, outcome }
+        let mut end = layers.parameters();
+        let mut place = |length: usize| {
+            end += length;
+            end - length..end
+        };
+        let phases = |layer: &Layer| if layer.taps > 1 { 16 * doubled(layer) * layer.outputs } else { 0 };
+        let places = Places {
+            phases: layers.all().iter().map(|layer| place(phases(layer))).collect(),
+            head: place(layers.head().inputs * padded(layers)),
+            head_bias: place(padded(layers)),
+        };
+        let outcome = Outcome { loss: 0.0, tally: Tally::new(layers.head().outputs - 1) };
+        Self { sums: vec![0.0; end], places, outcome }
     }
 
     /// Makes all sums zero.
@@ -284,22 +287,23 @@ impl Gradients {
         &mut self.sums[layer.bias()]
     }
 
-    /// Returns the sums of the weights of a decoder for a `phase` of the image that is doubled.
-    pub(super) fn doubled(&mut self, layer: &Layer, layers: &Layers, [a, b]: Phase) -> &mut [f32] {
-        let start = if *layer == layers.decoder3 { self.places.up3 } else { self.places.up2 };
-        let phase = 4 * layer.inputs / 2 * layer.outputs;
-        &mut self.sums[start + (2 * a + b) * phase..][..phase]
+    /// Returns the sums of the weights of a layer (by its number) for a `phase` of the map that is doubled.
+    pub(super) fn phase(&mut self, number: usize, [a, b]: Phase) -> &mut [f32] {
+        let phases = &mut self.sums[self.places.phases[number].clone()];
+        let phase = phases.len() / 4;
+        &mut phases[(2 * a + b) * phase..][..phase]
     }
 
     /// Returns the sums of the padded head's weights for the first (0) or second (1) half of its inputs.
     pub(super) fn head(&mut self, half: usize) -> &mut [f32] {
-        let length = (self.places.head_bias - self.places.head) / 2;
-        &mut self.sums[self.places.head + half * length..][..length]
+        let head = &mut self.sums[self.places.head.clone()];
+        let length = head.len() / 2;
+        &mut head[half * length..][..length]
     }
 
     /// Returns the sums of the padded head's biases.
     pub(super) fn head_bias(&mut self) -> &mut [f32] {
-        &mut self.sums[self.places.head_bias..]
+        &mut self.sums[self.places.head_bias.clone()]
     }
 }
 
@@ -318,24 +322,24 @@ pub(super) fn reduce(layers: &Layers, shards: &mut [Gradients]) -> (Vec<f32>, Ou
         first.outcome.loss += shard.outcome.loss;
         first.outcome.tally.add(&shard.outcome.tally);
     }
-    let (flat, made) = first.sums.split_at(first.places.up3);
-    let mut flat = flat.to_vec();
-    let at = |place: usize| &made[place - first.places.up3..];
-    add_phases(&layers.decoder3, at(first.places.up3), &mut flat);
-    add_phases(&layers.decoder2, at(first.places.up2), &mut flat);
-    let (head, outputs) = (&layers.head, layers.head.outputs.next_multiple_of(HEAD));
+    let mut flat = first.sums[..layers.parameters()].to_vec();
+    let at = |place: &Range<usize>| &first.sums[place.clone()];
+    for (layer, place) in layers.all().iter().zip(&first.places.phases).filter(|(_, place)| !place.is_empty()) {
+        add_phases(layer, at(place), &mut flat);
+    }
+    let head = layers.head();
     let rows = flat[head.weights()].chunks_exact_mut(head.outputs);
-    for (row, padded) in rows.zip(at(first.places.head).chunks_exact(outputs)) {
+    for (row, padded) in rows.zip(at(&first.places.head).chunks_exact(padded(layers))) {
         row.copy_from_slice(&padded[..head.outputs]);
     }
-    flat[head.bias()].copy_from_slice(&at(first.places.head_bias)[..head.outputs]);
+    flat[head.bias()].copy_from_slice(&at(&first.places.head_bias)[..head.outputs]);
     (flat, first.outcome.clone())
 }
 
 /// Adds the gradients of the four phases to those of the taps that they were made of.
 fn add_phases(layer: &Layer, phases: &[f32], flat: &mut [f32]) {
     let length = layer.inputs / 2 * layer.outputs;
-    for (index, sums) in phases.chunks_exact(length).take(16).enumerate() {
+    for (index, sums) in phases.chunks_exact(length).enumerate() {
         let ([a, b], [i, j]) = (PHASES[index / 4], PHASES[index % 4]);
         for (row, col) in folded(a, i).iter().flat_map(|row| folded(b, j).iter().map(move |col| (row, col))) {
             let tap = layer.start + (row * 3 + col) * layer.inputs * layer.outputs;

@@ -3,49 +3,27 @@
 //! An image goes through all layers before the next one does, so that what one layer writes is still in the cache when
 //! the next one reads it, and a batch needs no more memory than one image for each thread.
 
-use std::ops::Range;
-
 use super::convolution::{Then, convolve};
 use super::correlation::{Correlation, correlate};
-use super::image::{Image, PHASES, Source, rows_of};
+use super::image::{Image, PHASES, Source};
 use super::parameters::{Gradients, Parameters};
 use super::pooling::{add_pixels, halve, sum_halve, unfold, unhalve};
 use super::softmax::{self, Labeled};
 use crate::domain::unet::compute::Simd;
-use crate::domain::unet::layers::{EDGE, Layer, Layers};
-
-/// How many rows of each feature map depend on where an edge of the image is; see [`Workspace::layers`].
-pub(super) struct Reach {
-    pub(super) levels: [usize; 3],
-    pub(super) halved: usize,
-    pub(super) bottom: usize,
-    pub(super) up3: usize,
-    pub(super) up2: usize,
-}
-
-/// Down: a level's row, half of it (that is one row), and one more by the next convolution. Up: twice the rows, and one.
-pub(super) const REACH: Reach = Reach { levels: [1, 2, 2], halved: 1, bottom: 2, up3: 5, up2: 11 };
+use crate::domain::unet::layers::{Input, Layer};
 
 /// The feature maps of one image and their gradients; buffers that are used again for the next image.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Workspace {
     /// The nine cells around each cell.
-    pub(super) patches: Image,
-    /// After the encoders, at full, half and quarter resolution; and each of them halved.
-    pub(super) levels: [Image; 3],
-    pub(super) halved: [Image; 3],
-    /// After the bottleneck, decoder 3 and decoder 2.
-    pub(super) bottom: Image,
-    pub(super) up3: Image,
-    up2: Image,
-    /// Logits, later their gradient; channels beyond the classes are padding.
-    logits: Image,
+    patches: Image,
+    /// The map of each layer; the last are the logits, later their gradient, with padding for channels beyond the outputs.
+    maps: Vec<Image>,
+    /// Each map halved, if a layer reads it so.
+    halved: Vec<Image>,
     /// Gradients of the above.
-    level_gradients: [Image; 3],
-    halved_gradients: [Image; 3],
-    bottom_gradient: Image,
-    up3_gradient: Image,
-    up2_gradient: Image,
+    map_gradients: Vec<Image>,
+    halved_gradients: Vec<Image>,
     /// Gradient of the logits, summed up over two by two pixels.
     logits_halved: Image,
 }
@@ -60,12 +38,8 @@ impl Workspace {
         out: &mut [f32],
     ) {
         self.forward(simd, parameters, image);
-        self.probabilities(simd, parameters, 0, out);
-    }
-
-    /// Writes the probabilities of the logits from row `first` on, as many rows as `out` takes.
-    pub(super) fn probabilities(&self, simd: Simd, parameters: &Parameters, first: usize, out: &mut [f32]) {
-        softmax::probabilities(simd, &self.logits, first, parameters.layers.head.outputs, out);
+        let logits = self.maps.last().expect("a network has a head");
+        softmax::probabilities(simd, logits, parameters.layers.head().outputs, out);
     }
 
     /// Adds the loss of an image and its gradients to those of its shard.
@@ -78,124 +52,131 @@ impl Workspace {
         gradients: &mut Gradients,
     ) {
         self.forward(simd, parameters, image);
-        softmax::cross_entropy(simd, &mut self.logits, labeled, &mut gradients.outcome);
+        let logits = self.maps.last_mut().expect("a network has a head");
+        softmax::cross_entropy(simd, logits, labeled, &mut gradients.outcome);
         self.backward(simd, parameters, gradients);
     }
 
     /// Computes the logits of an image of `rows` × `cols` cells.
-    pub(super) fn forward(&mut self, simd: Simd, parameters: &Parameters, image: (&[u8], usize, usize)) {
-        let (occupancy, rows, cols) = image;
-        unfold(occupancy, rows, cols, &mut self.patches);
-        let Layers { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, .. } = &parameters.layers;
-        let outputs = [encoder1, encoder2, encoder3].map(|layer| layer.outputs);
-        for (depth, (outputs, (level, halved))) in
-            outputs.into_iter().zip(self.levels.iter_mut().zip(&mut self.halved)).enumerate()
-        {
-            level.resize(rows >> depth, cols >> depth, outputs);
-            halved.resize(rows >> (depth + 1), cols >> (depth + 1), outputs);
+    fn forward(&mut self, simd: Simd, parameters: &Parameters, (cells, rows, cols): (&[u8], usize, usize)) {
+        let layers = parameters.layers.all();
+        for buffers in [&mut self.maps, &mut self.halved, &mut self.map_gradients, &mut self.halved_gradients] {
+            buffers.resize_with(layers.len(), Image::default);
         }
-        self.bottom.resize(rows >> 3, cols >> 3, bottleneck.outputs);
-        self.up3.resize(rows >> 2, cols >> 2, decoder3.outputs);
-        self.up2.resize(rows >> 1, cols >> 1, decoder2.outputs);
-        self.logits.resize(rows, cols, parameters.head_outputs());
-        self.layers(simd, parameters, |depth, _| 0..rows >> depth);
-    }
-
-    /// Computes rows of all feature maps and of the logits, from the patches of the cells.
-    ///
-    /// `rows` says which: its arguments are the depth of a map, of resolution 1/2^depth, and how many of the map's rows
-    /// depend on where an edge of the image is. That is the row which saw the zeros beyond the edge, and one more with
-    /// every convolution; it halves and doubles with the resolution.
-    pub(super) fn layers(&mut self, simd: Simd, parameters: &Parameters, rows: impl Fn(usize, usize) -> Range<usize>) {
-        let Layers { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, .. } = &parameters.layers;
-        let [level1, level2, level3] = &mut self.levels;
-        let [halved1, halved2, halved3] = &mut self.halved;
-        let first = rows(0, REACH.levels[0]);
-        let source = (self.patches.pixels().starting_at(first.start), parameters.first());
-        convolve(simd, &[source], parameters.bias(encoder1), Then::Relu, &mut level1.target().only(first));
-        halve(simd, level1, halved1, rows(1, REACH.halved));
-        encode(simd, parameters, encoder2, halved1, level2, rows(1, REACH.levels[1]));
-        halve(simd, level2, halved2, rows(2, REACH.halved));
-        encode(simd, parameters, encoder3, halved2, level3, rows(2, REACH.levels[2]));
-        halve(simd, level3, halved3, rows(3, REACH.halved));
-        encode(simd, parameters, bottleneck, halved3, &mut self.bottom, rows(3, REACH.bottom));
-        decode(simd, parameters, decoder3, &self.bottom, level3, &mut self.up3, &rows(2, REACH.up3));
-        decode(simd, parameters, decoder2, &self.up3, level2, &mut self.up2, &rows(1, REACH.up2));
-
-        let ((small_weights, bias), (weights, _)) = (parameters.head(0), parameters.head(1));
-        let last = rows(0, EDGE);
-        for phase in PHASES {
-            let rows = rows_of(&last, phase);
-            let small = (self.up2.pixels().starting_at(rows.start), small_weights);
-            let skipped = (level1.pixels_of(phase).starting_at(rows.start), weights);
-            convolve(simd, &[small, skipped], bias, Then::Nothing, &mut self.logits.target_of(phase).only(rows));
+        unfold(cells, rows, cols, &mut self.patches);
+        for (number, layer) in layers.iter().enumerate() {
+            let outputs = if layer.taps > 1 { layer.outputs } else { parameters.head_outputs() };
+            let (before, output) = self.maps.split_at_mut(number);
+            let output = &mut output[0];
+            output.resize(rows >> layer.depth, cols >> layer.depth, outputs);
+            match layer.input {
+                Input::Cells => {
+                    let source = (self.patches.pixels(), parameters.of_cells(layer));
+                    convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target());
+                }
+                Input::Map(map) => encode(simd, parameters, layer, &before[map], output),
+                Input::Halved(map) => {
+                    halve(simd, &before[map], &mut self.halved[map]);
+                    encode(simd, parameters, layer, &self.halved[map], output);
+                }
+                Input::Joined { small, skipped } if layer.taps > 1 => {
+                    decode(simd, parameters, (number, layer), [&before[small], &before[skipped]], output);
+                }
+                Input::Joined { small, skipped } => {
+                    head(simd, parameters, [&before[small], &before[skipped]], output);
+                }
+            }
         }
     }
 
     /// Goes back from the gradient of the logits to those of all parameters.
+    ///
+    /// A map that two layers read gets its gradient from the later one first, which skipped the levels between.
     fn backward(&mut self, simd: Simd, parameters: &Parameters, gradients: &mut Gradients) {
-        let Layers { encoder1, encoder2, encoder3, bottleneck, decoder3, decoder2, .. } = &parameters.layers;
-        let [level1, level2, level3] = &self.levels;
-        let [halved1, halved2, halved3] = &self.halved;
-        let [level1_gradient, level2_gradient, level3_gradient] = &mut self.level_gradients;
-        let [halved1_gradient, halved2_gradient, halved3_gradient] = &mut self.halved_gradients;
+        let layers = parameters.layers.all();
+        self.backward_of_head(simd, parameters, gradients);
+        for (number, layer) in layers[..layers.len() - 1].iter().enumerate().rev() {
+            let (before, gradient) = self.map_gradients.split_at_mut(number);
+            let back = Backward { simd, parameters, number, layer, gradient: &gradient[0] };
+            add_pixels(simd, back.gradient, gradients.bias(layer));
+            match layer.input {
+                Input::Cells => {
+                    weight_gradient(simd, self.patches.pixels(), back.gradient, gradients.weights(layer, 0));
+                }
+                Input::Map(map) => {
+                    back.correlate(&self.maps[map], gradients.weights(layer, 0));
+                    back.turn(&self.maps[map], &mut before[map], gate(&self.maps[map]));
+                }
+                Input::Halved(map) => {
+                    let (halved, halved_gradient) = (&self.halved[map], &mut self.halved_gradients[map]);
+                    back.correlate(halved, gradients.weights(layer, 0));
+                    back.turn(halved, halved_gradient, Then::Nothing);
+                    unhalve(simd, &self.maps[map], halved, halved_gradient, &mut before[map]);
+                }
+                Input::Joined { small, skipped } => {
+                    let small_map = &self.maps[small];
+                    back.correlate(&self.maps[skipped], gradients.weights(layer, small_map.channels));
+                    back.turn(&self.maps[skipped], &mut before[skipped], Then::Nothing);
+                    back.undouble(gradients, small_map, &mut before[small]);
+                }
+            }
+        }
+    }
 
-        // The head, of which the first half of inputs is doubled.
-        sum_halve(simd, &self.logits, &mut self.logits_halved);
-        add_pixels(simd, &self.logits, gradients.head_bias());
-        weight_gradient(simd, self.up2.pixels(), &self.logits_halved, gradients.head(0));
-        weight_gradient(simd, level1.pixels(), &self.logits, gradients.head(1));
-        let outputs = parameters.layers.head.outputs;
-        self.up2_gradient.resize(self.up2.rows, self.up2.cols, self.up2.channels);
-        let source = (self.logits_halved.pixels().first_channels(outputs), parameters.head_turned(0));
-        let gate = Then::Gate(&self.up2.data[self.up2.first()..]);
-        convolve(simd, &[source], &[], gate, &mut self.up2_gradient.target());
-        level1_gradient.resize(level1.rows, level1.cols, level1.channels);
-        let source = (self.logits.pixels().first_channels(outputs), parameters.head_turned(1));
-        convolve(simd, &[source], &[], Then::Nothing, &mut level1_gradient.target());
-
-        let decoder = Backward { simd, parameters, layer: decoder2, gradient: &self.up2_gradient };
-        decoder.decode(gradients, &self.up3, level2, &mut self.up3_gradient, level2_gradient);
-        let decoder = Backward { simd, parameters, layer: decoder3, gradient: &self.up3_gradient };
-        decoder.decode(gradients, &self.bottom, level3, &mut self.bottom_gradient, level3_gradient);
-
-        let encoder = Backward { simd, parameters, layer: bottleneck, gradient: &self.bottom_gradient };
-        encoder.encode(gradients, halved3, halved3_gradient);
-        unhalve(simd, level3, halved3, halved3_gradient, level3_gradient);
-        let encoder = Backward { simd, parameters, layer: encoder3, gradient: level3_gradient };
-        encoder.encode(gradients, halved2, halved2_gradient);
-        unhalve(simd, level2, halved2, halved2_gradient, level2_gradient);
-        let encoder = Backward { simd, parameters, layer: encoder2, gradient: level2_gradient };
-        encoder.encode(gradients, halved1, halved1_gradient);
-        unhalve(simd, level1, halved1, halved1_gradient, level1_gradient);
-
-        add_pixels(simd, level1_gradient, gradients.bias(encoder1));
-        weight_gradient(simd, self.patches.pixels(), level1_gradient, gradients.weights(encoder1, 0));
+    /// Goes back through the head, of which the first half of inputs is doubled.
+    fn backward_of_head(&mut self, simd: Simd, parameters: &Parameters, gradients: &mut Gradients) {
+        let head = parameters.layers.head();
+        let Input::Joined { small, skipped } = head.input else { unreachable!("a head joins two maps") };
+        let (maps, logits) = self.maps.split_at(self.maps.len() - 1);
+        let (logits, small_map, skipped_map) = (&logits[0], &maps[small], &maps[skipped]);
+        sum_halve(simd, logits, &mut self.logits_halved);
+        add_pixels(simd, logits, gradients.head_bias());
+        weight_gradient(simd, small_map.pixels(), &self.logits_halved, gradients.head(0));
+        weight_gradient(simd, skipped_map.pixels(), logits, gradients.head(1));
+        let mut back = |half, gradient: &Image, map: &Image, to: usize, then| {
+            let source = (gradient.pixels().first_channels(head.outputs), parameters.head_turned(half));
+            let to = &mut self.map_gradients[to];
+            to.resize(map.rows, map.cols, map.channels);
+            convolve(simd, &[source], &[], then, &mut to.target());
+        };
+        back(0, &self.logits_halved, small_map, small, gate(small_map));
+        back(1, logits, skipped_map, skipped, Then::Nothing);
     }
 }
 
-/// Computes rows of an encoder or the bottleneck: convolution, bias, ReLU.
-fn encode(simd: Simd, parameters: &Parameters, layer: &Layer, input: &Image, output: &mut Image, rows: Range<usize>) {
-    let source = (input.neighbors().starting_at(rows.start), parameters.weights(layer, 0));
-    convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target().only(rows));
+/// The gradient of a map's ReLU.
+fn gate(map: &Image) -> Then<'_> {
+    Then::Gate(&map.data[map.first()..])
 }
 
-/// Computes rows of a decoder of the `small` image, doubled, beside the one that `skipped` the levels below.
+/// Computes a layer that reads one map: convolution, bias, ReLU.
+fn encode(simd: Simd, parameters: &Parameters, layer: &Layer, input: &Image, output: &mut Image) {
+    let source = (input.neighbors(), parameters.weights(layer, 0));
+    convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target());
+}
+
+/// Computes a layer of the `small` map, doubled, beside the one that `skipped` the levels below.
 fn decode(
     simd: Simd,
     parameters: &Parameters,
-    layer: &Layer,
-    small: &Image,
-    skipped: &Image,
+    (number, layer): (usize, &Layer),
+    [small, skipped]: [&Image; 2],
     output: &mut Image,
-    rows: &Range<usize>,
 ) {
     let weights = parameters.weights(layer, small.channels);
     for phase in PHASES {
-        let rows = rows_of(rows, phase);
-        let below = (small.doubled(phase).starting_at(rows.start), parameters.doubled(layer, phase));
-        let beside = (skipped.neighbors_of(phase).starting_at(rows.start), weights);
-        convolve(simd, &[below, beside], parameters.bias(layer), Then::Relu, &mut output.target_of(phase).only(rows));
+        let below = (small.doubled(phase), parameters.phase(number, phase));
+        let beside = (skipped.neighbors_of(phase), weights);
+        convolve(simd, &[below, beside], parameters.bias(layer), Then::Relu, &mut output.target_of(phase));
+    }
+}
+
+/// Computes the logits.
+fn head(simd: Simd, parameters: &Parameters, [small, skipped]: [&Image; 2], logits: &mut Image) {
+    let ((small_weights, bias), (weights, _)) = (parameters.head(0), parameters.head(1));
+    for phase in PHASES {
+        let sources = [(small.pixels(), small_weights), (skipped.pixels_of(phase), weights)];
+        convolve(simd, &sources, bias, Then::Nothing, &mut logits.target_of(phase));
     }
 }
 
@@ -209,32 +190,30 @@ fn weight_gradient(simd: Simd, input: Source<'_>, gradient: &Image, sums: &mut [
 struct Backward<'a> {
     simd: Simd,
     parameters: &'a Parameters,
+    number: usize,
     layer: &'a Layer,
     gradient: &'a Image,
 }
 
 impl Backward<'_> {
-    /// Goes back through an encoder or the bottleneck.
-    fn encode(&self, gradients: &mut Gradients, input: &Image, input_gradient: &mut Image) {
+    /// Adds the gradient of the weights of a map that is not doubled.
+    fn correlate(&self, input: &Image, sums: &mut [f32]) {
         let Self { simd, layer, gradient, .. } = *self;
-        add_pixels(simd, gradient, gradients.bias(layer));
-        self.correlate_neighbors(input, gradients.weights(layer, 0));
-        self.turn_back(input, input_gradient);
+        let size = [gradient.rows, gradient.cols];
+        let tap = layer.inputs * layer.outputs;
+        correlate(simd, &Correlation { input: input.neighbors(), gradient: gradient.pixels(), size, tap }, sums);
     }
 
-    /// Goes back through a decoder; what comes out for `skipped` lacks the contribution of the level below it.
-    fn decode(
-        &self,
-        gradients: &mut Gradients,
-        small: &Image,
-        skipped: &Image,
-        small_gradient: &mut Image,
-        skipped_gradient: &mut Image,
-    ) {
-        let Self { simd, parameters, layer, gradient } = *self;
-        add_pixels(simd, gradient, gradients.bias(layer));
-        self.correlate_neighbors(skipped, gradients.weights(layer, small.channels));
-        self.turn_back(skipped, skipped_gradient);
+    /// Computes the gradient of a map that is not doubled.
+    fn turn(&self, input: &Image, input_gradient: &mut Image, then: Then<'_>) {
+        input_gradient.resize(input.rows, input.cols, input.channels);
+        let source = (self.gradient.neighbors(), self.parameters.turned(self.number));
+        convolve(self.simd, &[source], &[], then, &mut input_gradient.target());
+    }
+
+    /// Computes the gradient of a map that is doubled, and adds that of its weights.
+    fn undouble(&self, gradients: &mut Gradients, small: &Image, small_gradient: &mut Image) {
+        let Self { simd, parameters, number, layer, gradient } = *self;
         for phase in PHASES {
             let correlation = Correlation {
                 input: small.doubled(phase),
@@ -242,24 +221,10 @@ impl Backward<'_> {
                 size: [small.rows, small.cols],
                 tap: small.channels * layer.outputs,
             };
-            correlate(simd, &correlation, gradients.doubled(layer, &parameters.layers, phase));
+            correlate(simd, &correlation, gradients.phase(number, phase));
         }
         small_gradient.resize(small.rows, small.cols, small.channels);
-        let source = (gradient.undoubled(), parameters.undoubled(layer));
-        let gate = Then::Gate(&small.data[small.first()..]);
-        convolve(simd, &[source], &[], gate, &mut small_gradient.target());
-    }
-
-    fn correlate_neighbors(&self, input: &Image, sums: &mut [f32]) {
-        let Self { simd, layer, gradient, .. } = *self;
-        let size = [gradient.rows, gradient.cols];
-        let tap = layer.inputs * layer.outputs;
-        correlate(simd, &Correlation { input: input.neighbors(), gradient: gradient.pixels(), size, tap }, sums);
-    }
-
-    fn turn_back(&self, input: &Image, input_gradient: &mut Image) {
-        input_gradient.resize(input.rows, input.cols, input.channels);
-        let source = (self.gradient.neighbors(), self.parameters.turned(self.layer));
-        convolve(self.simd, &[source], &[], Then::Nothing, &mut input_gradient.target());
+        let source = (gradient.undoubled(), parameters.undoubled(number));
+        convolve(simd, &[source], &[], gate(small), &mut small_gradient.target());
     }
 }

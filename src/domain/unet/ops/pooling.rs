@@ -1,7 +1,5 @@
 //! Max pooling, its gradient, and the small sums around the convolutions: plain Rust, compiled for each instruction set.
 
-use std::ops::Range;
-
 use super::dispatch::dispatch;
 use super::image::{Image, PHASES};
 use crate::domain::unet::compute::Simd;
@@ -9,15 +7,16 @@ use crate::domain::unet::compute::Simd;
 /// Pixels are handled in blocks of so many channels, to which the compiler gives registers.
 const CHANNELS: usize = 16;
 
-/// Computes some rows of a halved image: the maximum of two by two pixels, channel by channel.
-pub(super) fn halve(simd: Simd, image: &Image, halved: &mut Image, rows: Range<usize>) {
-    dispatch!(simd, plain halve_rows(image: &Image, halved: &mut Image, rows: Range<usize>));
+/// Halves an image: the maximum of two by two pixels, channel by channel.
+pub(super) fn halve(simd: Simd, image: &Image, halved: &mut Image) {
+    halved.resize(image.rows / 2, image.cols / 2, image.channels);
+    dispatch!(simd, plain halve_rows(image: &Image, halved: &mut Image));
 }
 
 #[inline(always)]
-fn halve_rows(image: &Image, halved: &mut Image, rows: Range<usize>) {
+fn halve_rows(image: &Image, halved: &mut Image) {
     let channels = image.channels;
-    for row in rows {
+    for row in 0..halved.rows {
         let (upper, lower) = (image.row(2 * row), image.row(2 * row + 1));
         let pairs = upper.chunks_exact(2 * channels).zip(lower.chunks_exact(2 * channels));
         for (out, (upper, lower)) in halved.row_mut(row).chunks_exact_mut(channels).zip(pairs) {

@@ -30,16 +30,16 @@ pub(super) struct Labeled<'a> {
     pub(super) scale: f32,
 }
 
-/// Writes the probabilities of `classes` classes, [rows, cols, classes], from row `first` of the logits on.
-pub(super) fn probabilities(simd: Simd, logits: &Image, first: usize, classes: usize, out: &mut [f32]) {
-    dispatch!(simd, plain probability_rows(logits: &Image, first: usize, classes: usize, out: &mut [f32]));
+/// Writes the probabilities of `classes` classes, [rows, cols, classes].
+pub(super) fn probabilities(simd: Simd, logits: &Image, classes: usize, out: &mut [f32]) {
+    dispatch!(simd, plain probability_rows(logits: &Image, classes: usize, out: &mut [f32]));
 }
 
 #[inline(always)]
-fn probability_rows(logits: &Image, first: usize, classes: usize, out: &mut [f32]) {
+fn probability_rows(logits: &Image, classes: usize, out: &mut [f32]) {
     let mut lanes = vec![Group::default(); classes];
     for (row, out) in out.chunks_exact_mut(logits.cols * classes).enumerate() {
-        let pixels = logits.row(first + row).chunks_exact(PIXELS * logits.channels);
+        let pixels = logits.row(row).chunks_exact(PIXELS * logits.channels);
         for (pixels, out) in pixels.zip(out.chunks_exact_mut(PIXELS * classes)) {
             gather(pixels, logits.channels, &mut lanes);
             let (_, sum) = exponentials(&mut lanes);

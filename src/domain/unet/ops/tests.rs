@@ -6,6 +6,7 @@ use super::image::{Image, PHASES};
 use super::pooling::{halve, unhalve};
 use super::*;
 use crate::domain::random::Stream;
+use crate::domain::unet::architecture::Architecture;
 use crate::domain::unet::compute::{Compute, DeviceName};
 use crate::domain::unet::learner::Learner;
 use crate::domain::unet::network::Network;
@@ -113,8 +114,7 @@ fn pooling_takes_the_maximum_and_gives_the_gradient_to_the_first() {
         image.row_mut(0)[0] = 5.0;
         image.row_mut(1)[16] = 5.0;
         let mut halved = Image::default();
-        halved.resize(2, 3, 16);
-        halve(simd, &image, &mut halved, 0..2);
+        halve(simd, &image, &mut halved);
         let (halved_gradient, before) = (random_image(2, 3, 16, 2), random_image(4, 6, 16, 3));
         let mut gradient = before.clone();
         unhalve(simd, &image, &halved, &halved_gradient, &mut gradient);
@@ -149,10 +149,11 @@ fn double(image: &Image) -> Image {
 /// gradients of input and weights.
 #[test]
 fn phases_are_the_convolution_of_a_doubled_image() {
-    let layers = Layers::new(3);
-    let layer = &layers.decoder2;
+    let layers = Layers::new(&Architecture::paper(), 4);
+    let number = layers.all().iter().position(|layer| layer.name == "decoder2").expect("there is one");
+    let layer = &layers.all()[number];
     let flat = random(layers.parameters(), 1);
-    let mut parameters = Parameters::new(3);
+    let mut parameters = Parameters::new(&layers);
     parameters.load(&flat, true);
     let small = random_image(3, 8, layer.inputs / 2, 2);
     let large = double(&small);
@@ -169,7 +170,7 @@ fn phases_are_the_convolution_of_a_doubled_image() {
         let (mut expected, mut found) = (image(6, 16, layer.outputs), image(6, 16, layer.outputs));
         run(&[(large.neighbors(), parameters.weights(layer, 0))], expected.target());
         for phase in PHASES {
-            run(&[(small.doubled(phase), parameters.doubled(layer, phase))], found.target_of(phase));
+            run(&[(small.doubled(phase), parameters.phase(number, phase))], found.target_of(phase));
         }
         for_each(&expected, |r, c, k| assert_close(at(&found, r, c, k), at(&expected, r, c, k), 50.0, "forward"));
 
@@ -183,7 +184,7 @@ fn phases_are_the_convolution_of_a_doubled_image() {
         let (mut four, mut found) = (image(6, 16, small.channels), image(3, 8, small.channels));
         let weights = Weights { data: &turned, tap: small.channels * layer.outputs };
         run(&[(gradient.neighbors(), weights)], four.target());
-        run(&[(gradient.undoubled(), parameters.undoubled(layer))], found.target());
+        run(&[(gradient.undoubled(), parameters.undoubled(number))], found.target());
         for_each(&found, |r, c, k| {
             let sum = PHASES.map(|[a, b]| at(&four, 2 * r + a as isize, 2 * c + b as isize, k)).iter().sum();
             assert_close(at(&found, r, c, k), sum, 50.0, "gradient of the input");
@@ -196,7 +197,7 @@ fn phases_are_the_convolution_of_a_doubled_image() {
         let mut sums = Gradients::new(&layers);
         for phase in PHASES {
             let phases = correlation(small.doubled(phase), gradient.pixels_of(phase), [3, 8]);
-            correlate(simd, &phases, sums.doubled(layer, &layers, phase));
+            correlate(simd, &phases, sums.phase(number, phase));
         }
         let (found, _) = reduce(&layers, &mut [sums]);
         for (i, expected) in expected.iter().enumerate() {
@@ -217,14 +218,20 @@ fn batch(size: usize, samples: usize, classes: usize) -> Batch {
     }
 }
 
-fn learner(compute: &Compute, classes: usize) -> Learner {
+fn learner(network: &Architecture, compute: &Compute, classes: usize) -> Learner {
     let weights = (0..=classes).map(|class| 0.1 + class as f32 * 0.3).collect();
-    Learner::new(compute, weights, 0.001, 11)
+    Learner::new(network, compute, weights, 0.001, 11)
+}
+
+/// The paper's network, and others that differ in all that an architecture can say.
+fn architectures() -> [Architecture; 3] {
+    let custom = |widths: &[u32], convolutions| Architecture { widths: widths.to_vec(), convolutions };
+    [Architecture::paper(), custom(&[16, 48, 32, 16], 1), custom(&[16, 16, 32], 2)]
 }
 
 /// The largest difference between two gradients, relative to the largest value of the layer's part.
 fn difference(layers: &Layers, a: &[f32], b: &[f32]) -> f32 {
-    let parts = layers.all().into_iter().flat_map(|layer| [layer.weights(), layer.bias()]);
+    let parts = layers.all().iter().flat_map(|layer| [layer.weights(), layer.bias()]);
     parts.fold(0.0, |worst, part| {
         let pairs = a[part.clone()].iter().zip(&b[part.clone()]);
         let largest = a[part].iter().fold(0.0f32, |largest, value| largest.max(value.abs()));
@@ -235,17 +242,20 @@ fn difference(layers: &Layers, a: &[f32], b: &[f32]) -> f32 {
 #[test]
 fn loss_and_gradients_are_those_of_burns_own_operations() {
     let flat = |gradient: Tensor<1>| gradient.into_data().try_into_vec::<f32>().expect("f32");
-    for (size, samples, classes) in [(8, 1, 1), (16, 11, 3), (24, 9, 16)] {
+    let [paper, other, double] = &architectures();
+    for (network, size, samples, classes) in
+        [(paper, 8, 1, 1), (paper, 16, 11, 3), (paper, 24, 9, 16), (other, 32, 9, 3), (double, 16, 9, 3)]
+    {
         let batch = batch(size, samples, classes);
-        let plain = learner(&Compute::plain(DeviceName::Flex).expect("everywhere"), classes);
+        let plain = learner(network, &Compute::plain(DeviceName::Flex).expect("everywhere"), classes);
         let (loss, gradient, tally) = plain.gradient(&batch);
         let gradient = flat(gradient);
         for simd in available() {
-            let own = learner(&Compute::new(DeviceName::Flex, Some(simd)).expect("available"), classes);
+            let own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), classes);
             let (own_loss, own_gradient, own_tally) = own.gradient(&batch);
             assert!((own_loss - loss).abs() < 2e-6 * loss, "{simd}: {own_loss} instead of {loss}");
             assert_eq!(own_tally, tally, "{simd}");
-            let worst = difference(&Layers::new(classes), &gradient, &flat(own_gradient));
+            let worst = difference(&Layers::new(network, classes + 1), &gradient, &flat(own_gradient));
             println!("{simd}, {samples} images of {size}²: gradients differ by {worst:e} of the largest");
             assert!(worst < 2e-5, "{simd}: {worst}");
         }
@@ -255,15 +265,15 @@ fn loss_and_gradients_are_those_of_burns_own_operations() {
 #[test]
 fn gradients_are_differences_of_the_loss() {
     let batch = batch(32, 4, 3);
-    for simd in available() {
-        let mut own = learner(&Compute::new(DeviceName::Flex, Some(simd)).expect("available"), 3);
+    for (network, simd) in architectures().iter().flat_map(|network| available().map(move |simd| (network, simd))) {
+        let mut own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), 3);
         // New biases are zero, which in blocked regions is right where ReLU has no derivative.
         for _ in 0..4 {
             own.learn(&batch);
         }
         let (_, gradient, _) = own.gradient(&batch);
         let gradient = gradient.into_data().try_into_vec::<f32>().expect("f32");
-        let layers = Layers::new(3);
+        let layers = Layers::new(network, 4);
         let mut stream = Stream::new(3, &[0; 32], 0, "ops/differences");
         for layer in layers.all() {
             for part in [layer.weights(), layer.bias()] {
@@ -284,14 +294,23 @@ fn gradients_are_differences_of_the_loss() {
 
 #[test]
 fn predictions_are_those_of_burns_own_operations() {
-    for (rows, cols, classes) in [(8, 8, 3), (64, 64, 3), (24, 40, 2), (16, 136, 20)] {
+    let [paper, other, double] = &architectures();
+    for (network, rows, cols, classes) in [
+        (paper, 8, 8, 3),
+        (paper, 64, 64, 3),
+        (paper, 24, 40, 2),
+        (paper, 16, 136, 20),
+        (other, 32, 48, 3),
+        (double, 24, 40, 2),
+    ] {
         let mut stream = Stream::new(4, &[0; 32], 0, "ops/predict");
         let images: Vec<u8> = (0..3 * rows * cols).map(|_| u8::from(stream.unit() > 0.3)).collect();
         let plain = Compute::plain(DeviceName::Flex).expect("everywhere");
-        let arrays = learner(&plain, classes).model();
+        let arrays = learner(network, &plain, classes).model();
         let predict = |compute: &Compute| {
             let mut out = vec![0.0; images.len() * (classes + 1)];
-            Network::new(classes, &arrays, compute).expect("complete").predict(&images, rows, cols, 3, &mut out);
+            let network = Network::new(network, classes, &arrays, compute).expect("complete");
+            network.predict(&images, rows, cols, 3, &mut out);
             out
         };
         let expected = predict(&plain);
