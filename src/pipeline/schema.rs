@@ -60,7 +60,7 @@ fn stage_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
         properties.insert("seed".to_owned(), seed_schema(doc));
     }
     let mut required = vec![json!("use")];
-    let needed = entry.spec.ports.iter().filter(|port| port.arity != Arity::Optional);
+    let needed = entry.spec.ports.iter().filter(|port| matches!(port.arity, Arity::One | Arity::Group));
     required.extend(needed.map(|port| json!(port.name)));
     if let Some(Value::Array(more)) = own.get("required") {
         required.extend(more.iter().cloned());
@@ -85,6 +85,10 @@ fn port_schema(port: &Port) -> Value {
         Arity::One => format!("{} Takes {}.", port.doc, port.kind),
         Arity::Optional => format!("{} Takes {}; may be left out.", port.doc, port.kind),
         Arity::Group => format!("{} Takes {} of a whole group.", port.doc, port.kind),
+        Arity::OptionalGroup => format!("{} Takes {} of a whole group; may be left out.", port.doc, port.kind),
+        Arity::GroupOr(other) => {
+            format!("{} Takes {} of a whole group; in the place of `{other}`.", port.doc, port.kind)
+        }
     };
     let pattern = r"^(\$maps|[A-Za-z_][A-Za-z0-9_-]*)(\.[A-Za-z_][A-Za-z0-9_-]*)?$";
     json!({ "type": "string", "pattern": pattern, "description": takes })

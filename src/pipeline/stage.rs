@@ -30,6 +30,18 @@ pub enum Arity {
     Optional,
     /// All members of a group at once.
     Group,
+    /// All members of a group at once, or nothing: the port may be left out.
+    OptionalGroup,
+    /// As [`Arity::Group`], in the place of the port named: exactly one of both is connected.
+    GroupOr(&'static str),
+}
+
+impl Arity {
+    /// Returns whether the port takes a whole group at once.
+    #[must_use]
+    pub const fn takes_group(self) -> bool {
+        matches!(self, Self::Group | Self::OptionalGroup | Self::GroupOr(_))
+    }
 }
 
 /// A typed input.
@@ -216,6 +228,12 @@ impl Inputs {
             Some(Input::One(artifact)) => Some(artifact),
             _ => None,
         }
+    }
+
+    /// Returns whether something is connected to a port.
+    #[must_use]
+    pub fn has(&self, port: &str) -> bool {
+        self.ports.contains_key(port)
     }
 
     /// Returns the members of the group at a port, by name.

@@ -43,6 +43,12 @@ static HEAT: StageSpec =
     spec("heat", &[port("map", "Map", Arity::One), port("model", "Model", Arity::One)], kind("Heat"), false);
 static SCORE: StageSpec =
     spec("score", &[port("heat", "Heat", Arity::One), port("labels", "Labels", Arity::One)], kind("Score"), false);
+static SUM: StageSpec = spec(
+    "sum",
+    &[port("labels", "Labels", Arity::GroupOr("counts")), port("counts", "Counts", Arity::GroupOr("labels"))],
+    kind("Sum"),
+    false,
+);
 
 /// How often a [`Random`] stage has run in this process: what makes it give other bytes every time.
 static RANDOM: AtomicU64 = AtomicU64::new(0);
@@ -353,6 +359,7 @@ pub static REGISTER: Register = Register {
         entry!(TRAIN),
         entry!(HEAT),
         entry!(SCORE),
+        entry!(SUM),
         entry!(SEED),
     ],
     maps: &[

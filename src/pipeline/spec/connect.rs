@@ -7,7 +7,7 @@ use super::declare::{Declared, Use};
 use super::reference::{Reference, Target};
 use super::{Connection, MapGroup, Node, Wire, suggest};
 use crate::pipeline::error::{MOST_SHOWN, Problem};
-use crate::pipeline::stage::{Arity, Port};
+use crate::pipeline::stage::Port;
 use crate::store::NodeName;
 
 /// What the maps are called beside the uses of stages.
@@ -214,7 +214,7 @@ impl Graph {
 
     /// Returns the members of a group, by their names, at a port that takes one of them at a time.
     fn by_member(&self, port: &Port, found: &Fed) -> Option<BTreeMap<Arc<str>, usize>> {
-        let (false, Fed::Many(members)) = (port.arity == Arity::Group, found) else { return None };
+        let (false, Fed::Many(members)) = (port.arity.takes_group(), found) else { return None };
         Some(members.iter().filter_map(|member| Some((self.nodes[*member].member.clone()?, *member))).collect())
     }
 
@@ -316,7 +316,7 @@ impl Graph {
         whole: bool,
     ) -> Result<Option<Arc<[usize]>>, Problem> {
         let mut groups = fed.iter().filter_map(|(port, reference, found)| match found {
-            Fed::Many(members) if (port.arity == Arity::Group) == whole => Some((*reference, members)),
+            Fed::Many(members) if port.arity.takes_group() == whole => Some((*reference, members)),
             _ => None,
         });
         let Some((first, members)) = groups.next() else { return Ok(None) };
@@ -367,8 +367,8 @@ impl Graph {
 }
 
 fn check_arity(port: &Port, reference: &Reference, found: &Fed) -> Result<(), Problem> {
-    match (port.arity, found) {
-        (Arity::Group, Fed::One(_)) => {
+    match (port.arity.takes_group(), found) {
+        (true, Fed::One(_)) => {
             let message = format!("port `{}` takes a whole group, but `{reference}` makes one artifact", port.name);
             Err(Problem::new(reference.span, message))
         }

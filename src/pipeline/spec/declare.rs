@@ -291,30 +291,68 @@ fn read_ports(
     problems: &mut Vec<Problem>,
 ) -> Option<Vec<(&'static Port, Reference)>> {
     let (mut ports, mut complete) = (Vec::new(), true);
-    for port in entry.spec.ports {
-        match settings.iter().find(|setting| setting.key == port.name) {
-            Some(setting) => {
+    let connected = |name: &str| settings.iter().find(|setting| setting.key == name);
+    for (number, port) in entry.spec.ports.iter().enumerate() {
+        let setting = connected(port.name);
+        // Of two ports that stand in each other's place the second is told of.
+        let instead = match port.arity {
+            Arity::GroupOr(other) => entry.spec.ports[..number].iter().find(|earlier| earlier.name == other),
+            _ => None,
+        };
+        match (setting, instead.and_then(|other| connected(other.name).map(|_| other.name))) {
+            (Some(setting), Some(other)) => {
+                let message = format!("`{}` of `{}` is connected besides `{other}`", port.name, member.key);
+                let help = format!("`{}` takes one of the two: leave the other out", entry.spec.name);
+                problems.push(Problem::new(setting.key_span, message).with_help(help));
+                complete = false;
+            }
+            (Some(setting), None) => {
                 let reference = keep(Reference::read(port.name, &setting.value), problems);
                 complete &= reference.is_some();
                 ports.extend(reference.map(|reference| (port, reference)));
             }
-            None if port.arity == Arity::Optional => {}
-            None => {
-                // A key that is no parameter, but almost this port, has been told of.
-                let misspelt = settings.iter().any(|setting| {
-                    let close = suggest::closest(&setting.key, std::iter::once(port.name)).is_some();
-                    close && problems.iter().any(|problem| problem.span == setting.key_span)
-                });
-                if !misspelt {
-                    let message = format!("port `{}` of `{}` is not connected", port.name, member.key);
-                    let help = format!("`{}` takes {} here: add `{}: …`", entry.spec.name, port.kind, port.name);
-                    problems.push(Problem::new(member.key_span, message).with_help(help));
-                    complete = false;
-                }
+            (None, _) => {
+                complete &= may_be_absent(port, &connected) || told_of_absence(member, settings, entry, port, problems)
             }
         }
     }
     complete.then_some(ports)
+}
+
+/// Returns whether a port without a connection is none of those that need one.
+fn may_be_absent<'a>(port: &Port, connected: &dyn Fn(&str) -> Option<&'a Member>) -> bool {
+    match port.arity {
+        Arity::Optional | Arity::OptionalGroup => true,
+        Arity::GroupOr(other) => connected(other).is_some(),
+        Arity::One | Arity::Group => false,
+    }
+}
+
+/// Tells that a port lacks its connection; returns whether that had been told of.
+fn told_of_absence(
+    member: &Member,
+    settings: &[Member],
+    entry: &Entry,
+    port: &Port,
+    problems: &mut Vec<Problem>,
+) -> bool {
+    // A key that is no parameter, but almost this port, has been told of.
+    let misspelt = settings.iter().any(|setting| {
+        let close = suggest::closest(&setting.key, std::iter::once(port.name)).is_some();
+        close && problems.iter().any(|problem| problem.span == setting.key_span)
+    });
+    // So has the other one of two ports that stand in each other's place.
+    let mut earlier = entry.spec.ports.iter().take_while(|other| other.name != port.name);
+    let other = entry.spec.ports.iter().find(|other| port.arity == Arity::GroupOr(other.name));
+    let later = other.is_some_and(|other| earlier.any(|port| port.name == other.name));
+    if !misspelt && !later {
+        let takes = |port: &Port| format!("{} here: add `{}: …`", port.kind, port.name);
+        let or = other.map_or_else(String::new, |other| format!(", or {}", takes(other)));
+        let message = format!("port `{}` of `{}` is not connected", port.name, member.key);
+        let help = format!("`{}` takes {}{or}", entry.spec.name, takes(port));
+        problems.push(Problem::new(member.key_span, message).with_help(help));
+    }
+    misspelt
 }
 
 fn read_parameters(

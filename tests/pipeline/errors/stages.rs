@@ -103,6 +103,26 @@ fn ports_that_are_wrong() {
       |
       = help: `walk` takes Map here: add `map: …`
     ");
+    insta::assert_snapshot!(wrong_stages("  sum: { use: sum }\n"), @r"
+    error: port `labels` of `sum` is not connected
+     --> toy.yaml:5:3
+      |
+    5 |   sum: { use: sum }
+      |   ^^^
+      |
+      = help: `sum` takes Labels here: add `labels: …`, or Counts here: add `counts: …`
+    ");
+    let counts = "  walks: { use: walk, map: $maps }\n  counts: { use: count, map: $maps, walks: walks }\n  \
+                  labels: { use: label, counts: counts }\n";
+    insta::assert_snapshot!(wrong_stages(&format!("{counts}  sum: {{ use: sum, labels: labels, counts: counts }}\n")), @r"
+    error: `counts` of `sum` is connected besides `labels`
+     --> toy.yaml:8:36
+      |
+    8 |   sum: { use: sum, labels: labels, counts: counts }
+      |                                    ^^^^^^
+      |
+      = help: `sum` takes one of the two: leave the other out
+    ");
     insta::assert_snapshot!(wrong_stages("  walks: { use: walk, maps: $maps }\n"), @r"
     error: `walks` has no parameter `maps`
      --> toy.yaml:5:23
