@@ -8,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput};
 use trodden::domain::random::Stream;
-use trodden::domain::tiles::Tiles;
-use trodden::domain::unet::{Architecture, Compute, DeviceName, Network, Simd, TrainConfig, Trainer};
+use trodden::domain::tiles::{Target, Tiles};
+use trodden::domain::unet::{Architecture, Compute, DeviceName, Network, Outputs, Simd, TrainConfig, Trainer};
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -23,13 +23,14 @@ const CLASSES: usize = 3;
 fn tiles(windows: usize) -> Tiles {
     let mut stream = Stream::new(1, &[0; 32], 0, "bench/unet");
     let cells = windows * SIZE * SIZE;
+    let occupancy = (0..cells).map(|_| u8::from(stream.unit() > 0.5)).collect();
+    let labels = (0..cells).map(|_| stream.below(CLASSES + 2) as i8 - 1).collect();
     Tiles {
         size: SIZE,
-        classes: CLASSES as u8,
         maps: vec!["noise".to_owned()],
         origin: vec![(0, 0, 0); windows],
-        occupancy: (0..cells).map(|_| u8::from(stream.unit() > 0.5)).collect(),
-        labels: (0..cells).map(|_| stream.below(CLASSES + 2) as i8 - 1).collect(),
+        occupancy,
+        target: Target::Classes { classes: CLASSES as u8, labels },
         labeled_share: vec![0.5; windows],
     }
 }
@@ -40,7 +41,8 @@ fn trainer<'a>(tiles: &'a Tiles, compute: &Compute) -> Trainer<'a> {
 }
 
 fn network(tiles: &Tiles, compute: &Compute) -> Network {
-    Network::new(&Architecture::paper(), CLASSES, &trainer(tiles, compute).state().model, compute).expect("complete")
+    let outputs = Outputs::Classes(CLASSES as u8);
+    Network::new(&Architecture::paper(), outputs, &trainer(tiles, compute).state().model, compute).expect("complete")
 }
 
 fn benches(criterion: &mut Criterion) {

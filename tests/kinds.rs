@@ -9,8 +9,9 @@ use proptest::prelude::*;
 use trodden::domain::geometry::{Frame, Grid, Point};
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::ClassScores;
-use trodden::domain::tiles::Tiles;
+use trodden::domain::tiles::{Target, Tiles};
 use trodden::domain::tracks::{Sample, Tracks};
+use trodden::domain::unet::Outputs;
 use trodden::kinds::{
     Checkpoint, Heat, Kind, KindError, Placed, SingleFile, TrackReader, TrackWriter, Written, chunk_files,
 };
@@ -131,17 +132,30 @@ proptest! {
         let size = 8 * size;
         let cells = windows * size * size;
         let draw = |i: usize| (seed ^ (i as u32).wrapping_mul(2_654_435_761)) >> 7;
+        let ranks = |of: usize| (0..cells).map(|i| (draw(i + of) % 65) as f32 / 64.0).collect::<Vec<_>>();
+        let target = match seed % 3 {
+            0 => Target::Classes { classes: 4, labels: (0..cells).map(|i| (draw(i) % 6) as i8 - 1).collect() },
+            1 => Target::Ranks { rank: ranks(1), density: None },
+            _ => Target::Ranks { rank: ranks(2), density: Some(ranks(3)) },
+        };
         let tiles = Tiles {
             size,
-            classes: 4,
             maps: vec!["a".to_owned(), "b".to_owned()],
             origin: (0..windows).map(|i| (draw(i) % 2, draw(i + 9) as i32 % 99 - 50, draw(i + 18) as i32 % 99 - 50)).collect(),
             occupancy: (0..cells).map(|i| (draw(i) % 2) as u8).collect(),
-            labels: (0..cells).map(|i| (draw(i) % 6) as i8 - 1).collect(),
+            target,
             labeled_share: (0..windows).map(|i| (draw(i) % 65) as f32 / 64.0).collect(),
         };
         prop_assert_eq!(Tiles::from_bytes(tiles.to_bytes().expect("encoded")).expect("read"), tiles);
     }
+}
+
+#[test]
+fn a_checkpoint_of_ranks_comes_back() {
+    let (_folder, store) = store();
+    let (_, read) = through_store(&store, &samples::ranking_checkpoint());
+    assert_eq!(read, samples::ranking_checkpoint());
+    assert_eq!((read.config.outputs(), read.config.counts()), (Outputs::Ranks { density: true }, None));
 }
 
 #[test]
@@ -150,9 +164,10 @@ fn a_checkpoint_remembers_the_distribution_of_its_labels() {
     let (artifact, read) = through_store(&store, &samples::checkpoint());
     let names: Vec<&str> = artifact.files.iter().map(|file| file.name.as_str()).collect();
     assert_eq!(names, ["config.json", "metrics.parquet", "model.safetensors", "optimizer.safetensors"]);
-    assert_eq!(read.config.classes(), 3);
-    assert_eq!(read.config.distribution(), samples::checkpoint().config.counts.distribution());
-    assert_eq!(read.config.class_weights().len(), 4);
+    assert_eq!(read.config.outputs(), Outputs::Classes(3));
+    assert_eq!(read.config.counts(), samples::checkpoint().config.counts());
+    let shares = [825, 141, 37].map(|cells| f64::from(cells) / 1003.0);
+    assert_eq!(read.config.counts().expect("classes").distribution(), shares);
     let missing = Checkpoint::read(&store, &Artifact { files: artifact.files[..2].to_vec(), ..artifact });
     assert!(matches!(missing, Err(KindError::MissingFile { file, .. }) if file == "model.safetensors"));
 }

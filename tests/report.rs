@@ -12,11 +12,12 @@ use trodden::domain::quantize::{Labels, OBSTACLE, QuantizeConfig, quantize};
 use trodden::domain::raster::{RasterConfig, VisitCounts, rasterize};
 use trodden::domain::score::{Scored, score};
 use trodden::domain::social::{CostConfig, Draws, Predictor, social_costs};
-use trodden::domain::tiles::{LabeledMap, TileConfig, cut};
+use trodden::domain::tiles::{Known, LabeledMap, TileConfig, cut};
 use trodden::domain::tracks::{Sample, Tracks};
-use trodden::domain::unet::{Architecture, Array, Arrays, EpochMetrics, TrainState};
+use trodden::domain::unet::{Architecture, Array, Arrays, EpochMetrics, Fit, TrainState};
 use trodden::kinds::{
-    Checkpoint, CheckpointConfig, Heat, Kind, NavEpisodes, NavSample, Placed, TrackWriter, Written, chunk_files,
+    Checkpoint, CheckpointConfig, Heat, Kind, Learned, NavEpisodes, NavSample, Placed, TrackWriter, Written,
+    chunk_files,
 };
 use trodden::report::picture::{Scale, Shown};
 use trodden::report::{ReportError, html, png, terminal};
@@ -126,7 +127,7 @@ impl Maker {
 
     /// Adds windows of a map and a training on them.
     fn trained(&mut self, on: &OnMap) {
-        let labeled = [LabeledMap { name: &on.name, map: &on.map, labels: &on.labels }];
+        let labeled = [LabeledMap { name: &on.name, map: &on.map, known: Known::Classes(&on.labels) }];
         let tiles = cut(&labeled, &TileConfig { size: 32, stride: 16, ..TileConfig::default() }).expect("cuts");
         let read = [format!("maps/{}", on.name), format!("labels/{}", on.name)];
         self.add("tiles", "tile", &tiles, &[&read[0], &read[1]]);
@@ -134,9 +135,11 @@ impl Maker {
         let metrics = |epoch: u32| EpochMetrics {
             epoch,
             loss: 1.2 / f64::from(epoch),
-            accuracy: 1.0 - 0.4 / f64::from(epoch),
-            mean_recall: 1.0 - 0.6 / f64::from(epoch),
-            recall: vec![0.99, 0.8, 1.0 - 0.7 / f64::from(epoch), 0.6],
+            fit: Fit::Classes {
+                accuracy: 1.0 - 0.4 / f64::from(epoch),
+                mean_recall: 1.0 - 0.6 / f64::from(epoch),
+                recall: vec![0.99, 0.8, 1.0 - 0.7 / f64::from(epoch), 0.6],
+            },
             samples: tiles.samples() as u64,
         };
         for epoch in 1..=4 {
@@ -145,7 +148,7 @@ impl Maker {
                 window: 32,
                 batch: 32,
                 learning_rate: 0.001,
-                counts: tiles.class_counts(),
+                learned: Learned::Classes(tiles.target.class_counts().expect("classes")),
             };
             let model = Arrays::from([("head.weight".to_owned(), array(12))]);
             let state = TrainState { epoch, model: model.clone(), optimizer: model };

@@ -6,10 +6,10 @@ use trodden::domain::annotate::{AnnotateConfig, Mode, Overlap, annotate};
 use trodden::domain::geometry::{Cell, Frame, Grid};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
-use trodden::domain::tiles::Tiles;
+use trodden::domain::tiles::{NO_RANK, Target, Tiles};
 use trodden::domain::unet::{
-    Architecture, Array, BatchReport, Compute, DeviceName, EpochMetrics, Network, Simd, TrainConfig, TrainState,
-    Trainer, UnetError,
+    Architecture, Array, BatchReport, Compute, DeviceName, EpochMetrics, Fit, Network, Outputs, Simd, TrainConfig,
+    TrainState, Trainer, UnetError,
 };
 
 use super::needs::Need;
@@ -33,11 +33,10 @@ fn tiles(size: usize, windows: usize) -> Tiles {
     let labels = labels.collect();
     Tiles {
         size,
-        classes: 3,
         maps: vec!["noise".to_owned()],
         origin: vec![(0, 0, 0); windows],
         occupancy,
-        labels,
+        target: Target::Classes { classes: 3, labels },
         labeled_share: vec![0.5; windows],
     }
 }
@@ -73,7 +72,54 @@ fn training_learns_what_can_be_learned() {
     let (first, last) = (&metrics[0], &metrics[24]);
     assert_eq!((first.epoch, last.epoch, last.samples), (1, 25, 48));
     assert!(last.loss < 0.5 * first.loss, "{} {}", first.loss, last.loss);
-    assert!(last.mean_recall > 0.75 && last.recall.len() == 4, "{last:?}");
+    let Fit::Classes { mean_recall, recall, .. } = &last.fit else { panic!("classes were learned") };
+    assert!(*mean_recall > 0.75 && recall.len() == 4, "{last:?}");
+}
+
+/// The same windows: a cell's rank is how many of its four neighbors are free, its density twice that.
+fn ranked(tiles: &Tiles, density: bool) -> Tiles {
+    let Target::Classes { labels, .. } = &tiles.target else { unreachable!("they have classes") };
+    let rank = |label: &i8| match label {
+        0 => NO_RANK,
+        label => f32::from(*label).max(0.0) / 4.0,
+    };
+    let rank: Vec<f32> = labels.iter().map(rank).collect();
+    let density = density.then(|| rank.iter().map(|rank| 2.0 * rank.max(0.0)).collect());
+    Tiles { target: Target::Ranks { rank, density }, ..tiles.clone() }
+}
+
+#[test]
+fn ranks_are_learned_and_said() {
+    let tiles = ranked(&tiles(16, 6), true);
+    let Target::Ranks { rank, .. } = &tiles.target else { unreachable!("made of ranks") };
+    for compute in computes() {
+        let mut trainer = Trainer::new(&tiles, &[], &config(), &compute, 7).expect("in range");
+        let metrics = epochs(&mut trainer, 25);
+        let errors: Vec<f64> = [&metrics[0], &metrics[24]]
+            .map(|m| if let Fit::Ranks { error } = m.fit { error } else { panic!("ranks were learned") })
+            .to_vec();
+        assert!(errors[1] < 0.5 * errors[0] && errors[1] < 0.15, "{compute}: {errors:?}");
+        let outputs = Outputs::Ranks { density: true };
+        let network =
+            Network::new(&Architecture::paper(), outputs, &trainer.state().model, &compute).expect("complete");
+        let said = network.predict_windows(&tiles.occupancy, 16, 6);
+        let free = || said.chunks_exact(2).zip(rank).filter(|(_, rank)| **rank >= 0.0);
+        let mean = |error: &dyn Fn(&[f32], f32) -> f32| {
+            free().map(|(said, rank)| f64::from(error(said, *rank))).sum::<f64>() / free().count() as f64
+        };
+        let (ranks, densities) = (mean(&|said, r| (said[0] - r).abs()), mean(&|said, r| (said[1] - 2.0 * r).abs()));
+        assert!(ranks < 0.15 && densities < 0.4, "{compute}: {ranks} {densities}");
+    }
+    let network = |density| Trainer::new(&ranked(&tiles_of_classes(), density), &[0.5], &config(), &plain(), 7).err();
+    assert_eq!(network(false), Some(UnetError::ClassWeights { expected: 0, found: 1 }));
+}
+
+fn tiles_of_classes() -> Tiles {
+    tiles(16, 1)
+}
+
+fn plain() -> Compute {
+    Compute::plain(DeviceName::Flex).expect("everywhere")
 }
 
 #[test]
@@ -104,8 +150,9 @@ fn threads_do_not_change_a_bit() {
                 let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
                 let metrics = epochs(&mut trainer, 2);
                 let state = trainer.state();
-                let network = Network::new(&Architecture::paper(), 3, &state.model, &compute).expect("complete");
-                let probabilities = network.probabilities(&tiles.occupancy, 24, 5);
+                let network = Network::new(&Architecture::paper(), Outputs::Classes(3), &state.model, &compute)
+                    .expect("complete");
+                let probabilities = network.predict_windows(&tiles.occupancy, 24, 5);
                 let probabilities: Vec<u32> = probabilities.into_iter().map(f32::to_bits).collect();
                 (metrics, bits(&state), probabilities)
             })
@@ -163,7 +210,7 @@ fn trained(compute: &Compute) -> Network {
     let tiles = tiles(16, 6);
     let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), compute, 7).expect("in range");
     epochs(&mut trainer, 3);
-    Network::new(&Architecture::paper(), 3, &trainer.state().model, compute).expect("complete")
+    Network::new(&Architecture::paper(), Outputs::Classes(3), &trainer.state().model, compute).expect("complete")
 }
 
 /// Far from a window's border the network answers as on the whole map, if the window lies at the same offset modulo 8.
@@ -178,7 +225,7 @@ fn windows_and_the_whole_map_agree_on_inner_cells() {
         network.predict(&map, rows, cols, 1, &mut whole);
         let (top, left) = (16, 24);
         let window: Vec<u8> = (0..size * size).map(|i| map[(top + i / size) * cols + left + i % size]).collect();
-        let part = network.probabilities(&window, size, 1);
+        let part = network.predict_windows(&window, size, 1);
         let inner = 22..42;
         for (row, col) in inner.clone().flat_map(|row| inner.clone().map(move |col| (row, col))) {
             for class in 0..4 {
@@ -199,17 +246,17 @@ fn the_network_sees_as_far_as_its_layers_say() {
     for compute in computes() {
         let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config, &compute, 7).expect("in range");
         epochs(&mut trainer, 3);
-        let network = Network::new(&network, 3, &trainer.state().model, &compute).expect("complete");
+        let network = Network::new(&network, Outputs::Classes(3), &trainer.state().model, &compute).expect("complete");
         let (size, sight) = (176, network.layers().sight());
         let mut stream = Stream::new(8, &[0; 32], 0, "test/map");
         let mut map: Vec<u8> = (0..size * size).map(|_| u8::from(stream.unit() > 0.3)).collect();
-        let before = network.probabilities(&map, size, 1);
+        let before = network.predict_windows(&map, size, 1);
         let mut furthest = 0;
         // All offsets of a changed cell within the coarsest pixel.
         for offset in 0..16 {
             let (row, col) = (80 + offset, 80 + (5 * offset) % 16);
             map[row * size + col] ^= 1;
-            let after = network.probabilities(&map, size, 1);
+            let after = network.predict_windows(&map, size, 1);
             map[row * size + col] ^= 1;
             for (cell, _) in before.chunks_exact(4).zip(after.chunks_exact(4)).enumerate().filter(|(_, (a, b))| a != b)
             {
@@ -229,8 +276,8 @@ fn dense_mode_is_one_image_of_the_whole_map() {
     let (rows, cols) = (13, 420);
     let free = Grid::from_fn(rows, cols, |_| stream.unit() > 0.3);
     let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
-    let config = AnnotateConfig { mode: Mode::Dense { offsets: 1 }, ..AnnotateConfig::default() };
-    let annotation = annotate(&map, 64, 3, &config, &network, &mut |_, _| ControlFlow::Continue(())).expect("in range");
+    let config = AnnotateConfig { mode: Mode::Dense { offsets: 1, augment: false }, ..AnnotateConfig::default() };
+    let annotation = annotate(&map, 64, &config, &network, &mut |_, _| ControlFlow::Continue(())).expect("in range");
     let (margin, height, width) = (64, 144, 552);
     let image: Vec<u8> = (0..height * width)
         .map(|i| u8::from(map.is_free((i / width) as isize - margin, (i % width) as isize - margin)))
@@ -256,14 +303,14 @@ fn central_cells_do_not_need_their_windows() {
     let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
     for stride in [9, 20] {
         let config = AnnotateConfig { mode: Mode::Exact(Overlap::PerPixel { stride }), ..AnnotateConfig::default() };
-        let annotation = annotate(&map, size, 3, &config, &network, &mut |_, _| ControlFlow::Continue(()));
+        let annotation = annotate(&map, size, &config, &network, &mut |_, _| ControlFlow::Continue(()));
         let annotation = annotation.expect("in range");
         let (stride, from) = (stride as isize, (size - stride as usize).div_ceil(2) as isize);
         for (band, bar) in (-8..8).flat_map(|band| (-8..8).map(move |bar| (band * stride, bar * stride))) {
             let window: Vec<u8> = (0..(size * size) as isize)
                 .map(|i| u8::from(map.is_free(band + i / size as isize, bar + i % size as isize)))
                 .collect();
-            let out = network.probabilities(&window, size, 1);
+            let out = network.predict_windows(&window, size, 1);
             for (row, col) in (from..from + stride).flat_map(|row| (from..from + stride).map(move |col| (row, col))) {
                 if map.is_free(band + row, bar + col) {
                     let cell = Cell { row: (band + row) as usize, col: (bar + col) as usize };

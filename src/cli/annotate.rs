@@ -58,6 +58,9 @@ pub struct Args {
     /// How many of the offsets modulo the network's period are averaged, for dense mode, 1 to 64 [default: 64].
     #[arg(long)]
     offsets: Option<u32>,
+    /// Whether each offset sees the map in another rotation or mirroring, for dense mode [default: true].
+    #[arg(long)]
+    augment: Option<bool>,
     /// Divide by the map's maximum.
     #[arg(long)]
     normalize: bool,
@@ -181,8 +184,8 @@ impl Args {
             ModeName::Dense => domain::ModeName::Dense,
         });
         let normalize = if self.normalize { Normalize::Max } else { Normalize::None };
-        let fields =
-            AnnotateFields { mode, stride: self.stride, offsets: self.offsets, normalize, ..AnnotateFields::default() };
+        let Self { stride, offsets, augment, .. } = *self;
+        let fields = AnnotateFields { mode, stride, offsets, augment, normalize, ..AnnotateFields::default() };
         let refused = |error| match annotate::advice(&error) {
             Some(advice) => CliError::advised(error.to_string(), advice),
             None => CliError::request(error.to_string()),

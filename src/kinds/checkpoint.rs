@@ -15,7 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::parquet::{Column, Layout, Table, wrong_value};
 use super::{Kind, KindError, Written, named_file};
 use crate::domain::quantize::{ClassCounts, FEWEST_CLASSES, MOST_CLASSES, class_weights};
-use crate::domain::unet::{Architecture, Array, Arrays, EpochMetrics, TrainState};
+use crate::domain::unet::{Architecture, Array, Arrays, EpochMetrics, Fit, Outputs, TrainState};
 use crate::store::{Artifact, Store};
 
 const KIND: &str = "Checkpoint";
@@ -44,27 +44,41 @@ pub struct CheckpointConfig {
     pub batch: u32,
     /// Learning rate of Adam.
     pub learning_rate: f64,
-    /// Cells of each class over the training windows.
-    pub counts: ClassCounts,
+    /// What it has learned.
+    pub learned: Learned,
+}
+
+/// What a network has learned to say.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Learned {
+    /// Classes, of which there were so many cells in the training windows.
+    Classes(ClassCounts),
+    /// Ranks.
+    Ranks {
+        /// Whether it has learned densities besides.
+        density: bool,
+    },
 }
 
 impl CheckpointConfig {
-    /// Returns the number of classes C.
+    /// Returns what the numbers are that the network computes for a cell.
     #[must_use]
-    pub fn classes(&self) -> u8 {
-        u8::try_from(self.counts.classes.len()).expect("at most 16 classes")
+    pub fn outputs(&self) -> Outputs {
+        match &self.learned {
+            Learned::Classes(counts) => {
+                Outputs::Classes(u8::try_from(counts.classes.len()).expect("at most 16 classes"))
+            }
+            Learned::Ranks { density } => Outputs::Ranks { density: *density },
+        }
     }
 
-    /// Computes the share of each class 1 to C among the labeled cells: what the quantized output is matched to.
+    /// Returns the cells of each class over the training windows, if classes were learned.
     #[must_use]
-    pub fn distribution(&self) -> Vec<f64> {
-        self.counts.distribution()
-    }
-
-    /// Computes the weights of the classes 0 to C in the loss.
-    #[must_use]
-    pub fn class_weights(&self) -> Vec<f64> {
-        class_weights(&self.counts)
+    pub const fn counts(&self) -> Option<&ClassCounts> {
+        match &self.learned {
+            Learned::Classes(counts) => Some(counts),
+            Learned::Ranks { .. } => None,
+        }
     }
 }
 
@@ -80,14 +94,24 @@ struct ConfigFile {
     window: u32,
     batch: u32,
     learning_rate: f64,
-    classes: usize,
-    cells: CellCounts,
+    /// Where ranks were learned, in the place of all that follows.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    ranks: Option<RanksFile>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    classes: Option<usize>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    cells: Option<CellCounts>,
     /// Derived from `cells`; for readers.
-    #[serde(default)]
-    distribution: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    distribution: Option<Vec<f64>>,
     /// Derived from `cells`; for readers.
-    #[serde(default)]
-    class_weights: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    class_weights: Option<Vec<f64>>,
+}
+
+#[derive(Debug, Serialize, Deserialize)]
+struct RanksFile {
+    density: bool,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -126,13 +150,13 @@ impl Checkpoint {
             model: arrays_from_bytes("model.safetensors", &file("model.safetensors")?)?,
             optimizer: arrays_from_bytes("optimizer.safetensors", &file("optimizer.safetensors")?)?,
         };
-        let metrics = read_metrics(file("metrics.parquet")?, config.classes())?;
+        let metrics = read_metrics(file("metrics.parquet")?, config.outputs())?;
         Ok(Self { config, state, metrics })
     }
 
     fn config_bytes(&self) -> Vec<u8> {
-        let CheckpointConfig { network, window, batch, learning_rate, counts } = self.config.clone();
-        let ClassCounts { unlabeled, obstacle, classes } = counts;
+        let CheckpointConfig { network, window, batch, learning_rate, learned } = self.config.clone();
+        let counts = self.config.counts();
         let file = ConfigFile {
             kind: KIND.to_owned(),
             format: FORMAT,
@@ -141,10 +165,18 @@ impl Checkpoint {
             window,
             batch,
             learning_rate,
-            classes: classes.len(),
-            cells: CellCounts { unlabeled, obstacle, classes },
-            distribution: self.config.distribution(),
-            class_weights: self.config.class_weights(),
+            classes: counts.map(|counts| counts.classes.len()),
+            distribution: counts.map(ClassCounts::distribution),
+            class_weights: counts.map(class_weights),
+            ranks: match learned {
+                Learned::Ranks { density } => Some(RanksFile { density }),
+                Learned::Classes(_) => None,
+            },
+            cells: counts.cloned().map(|ClassCounts { unlabeled, obstacle, classes }| CellCounts {
+                unlabeled,
+                obstacle,
+                classes,
+            }),
         };
         let mut text = serde_json::to_string_pretty(&file).expect("numbers are JSON");
         text.push('\n');
@@ -152,24 +184,45 @@ impl Checkpoint {
     }
 
     fn metrics_bytes(&self) -> Result<Vec<u8>, KindError> {
-        let numbers = |value: &dyn Fn(&EpochMetrics) -> f64| -> ArrayRef {
-            Arc::new(Float64Array::from_iter_values(self.metrics.iter().map(value)))
-        };
-        let classes = self.config.classes();
-        if let Some(row) = self.metrics.iter().position(|m| m.recall.len() != usize::from(classes) + 1) {
-            let found = self.metrics[row].recall.len();
-            return Err(wrong_value(METRICS, "recall", row, found, "one recall for each class from 0 to C"));
+        let outputs = self.config.outputs();
+        let columns = metrics_columns(outputs);
+        let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len() - 2];
+        for (row, metrics) in self.metrics.iter().enumerate() {
+            let numbers = numbers_of(metrics);
+            if numbers.len() != values.len() {
+                return Err(wrong_value(
+                    METRICS,
+                    "loss",
+                    row,
+                    numbers.len(),
+                    "as many numbers as the network's outputs ask",
+                ));
+            }
+            values.iter_mut().zip(numbers).for_each(|(column, number)| column.push(number));
         }
         let mut arrays: Vec<ArrayRef> = vec![
             Arc::new(UInt32Array::from_iter_values(self.metrics.iter().map(|m| m.epoch))),
             Arc::new(UInt64Array::from_iter_values(self.metrics.iter().map(|m| m.samples))),
-            numbers(&|m| m.loss),
-            numbers(&|m| m.accuracy),
-            numbers(&|m| m.mean_recall),
         ];
-        arrays.extend((0..=usize::from(classes)).map(|class| numbers(&|m| m.recall[class])));
-        Layout::new(METRICS, FORMAT, metrics_columns(classes)).with("classes", classes).bytes(arrays)
+        arrays.extend(values.into_iter().map(|column| -> ArrayRef { Arc::new(Float64Array::from(column)) }));
+        let layout = Layout::new(METRICS, FORMAT, columns);
+        match outputs {
+            Outputs::Classes(classes) => layout.with("classes", classes).bytes(arrays),
+            Outputs::Ranks { .. } => layout.bytes(arrays),
+        }
     }
+}
+
+/// Returns the numbers of an epoch in the order of their columns.
+fn numbers_of(metrics: &EpochMetrics) -> Vec<f64> {
+    let mut numbers = vec![metrics.loss];
+    match &metrics.fit {
+        Fit::Classes { accuracy, mean_recall, recall } => {
+            numbers.extend([accuracy, mean_recall].into_iter().chain(recall));
+        }
+        Fit::Ranks { error } => numbers.push(*error),
+    }
+    numbers
 }
 
 impl Kind for Checkpoint {
@@ -209,36 +262,55 @@ fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindError> {
     let wrong = |key: &str, value: String, expected| {
         Err(KindError::Metadata { kind: KIND, key: key.to_owned(), value, expected })
     };
-    let CellCounts { unlabeled, obstacle, classes } = file.cells;
-    if !(usize::from(FEWEST_CLASSES)..=usize::from(MOST_CLASSES)).contains(&classes.len()) {
-        return wrong("cells.classes", format!("{classes:?}"), "counts of 2 to 16 classes");
-    }
-    if file.classes != classes.len() {
-        return wrong("classes", file.classes.to_string(), "the number of counts in `cells.classes`");
-    }
+    let learned = match (file.cells, file.ranks) {
+        (None, Some(RanksFile { density })) => Learned::Ranks { density },
+        (Some(CellCounts { unlabeled, obstacle, classes }), None) => {
+            if !(usize::from(FEWEST_CLASSES)..=usize::from(MOST_CLASSES)).contains(&classes.len()) {
+                return wrong("cells.classes", format!("{classes:?}"), "counts of 2 to 16 classes");
+            }
+            if file.classes != Some(classes.len()) {
+                let found = file.classes.map_or_else(|| "absent".to_owned(), |found| found.to_string());
+                return wrong("classes", found, "the number of counts in `cells.classes`");
+            }
+            Learned::Classes(ClassCounts { unlabeled, obstacle, classes })
+        }
+        (cells, _) => {
+            let found = if cells.is_some() { "given besides `ranks`" } else { "absent, as are `ranks`" };
+            return wrong("cells", found.to_owned(), "one of `cells` and `ranks`");
+        }
+    };
     if !(8..=512).contains(&file.window) || !file.window.is_multiple_of(8) {
         return wrong("window", file.window.to_string(), "a multiple of 8 from 8 to 512");
     }
     if !(file.learning_rate.is_finite() && file.learning_rate > 0.0) {
         return wrong("learning_rate", file.learning_rate.to_string(), "a positive number");
     }
-    let counts = ClassCounts { unlabeled, obstacle, classes };
     let ConfigFile { network, window, batch, learning_rate, epoch, .. } = file;
-    Ok((CheckpointConfig { network, window, batch, learning_rate, counts }, epoch))
+    Ok((CheckpointConfig { network, window, batch, learning_rate, learned }, epoch))
 }
 
-fn metrics_columns(classes: u8) -> Vec<Column> {
-    let mut columns = vec![Column::new("epoch", DataType::UInt32), Column::new("samples", DataType::UInt64)];
-    let names = ["loss", "accuracy", "mean_recall"].map(str::to_owned).into_iter();
-    let names = names.chain((0..=classes).map(|class| format!("recall_{class}")));
-    columns.extend(names.map(|name| Column::new(name, DataType::Float64)));
+fn metrics_columns(outputs: Outputs) -> Vec<Column> {
+    let mut columns = vec![
+        Column::new("epoch", DataType::UInt32),
+        Column::new("samples", DataType::UInt64),
+        Column::new("loss", DataType::Float64),
+    ];
+    let names: Vec<String> = match outputs {
+        Outputs::Classes(classes) => ["accuracy", "mean_recall"]
+            .map(str::to_owned)
+            .into_iter()
+            .chain((0..=classes).map(|class| format!("recall_{class}")))
+            .collect(),
+        Outputs::Ranks { .. } => vec!["error".to_owned()],
+    };
+    columns.extend(names.into_iter().map(|name| Column::new(name, DataType::Float64)));
     columns
 }
 
-fn read_metrics(bytes: Vec<u8>, classes: u8) -> Result<Vec<EpochMetrics>, KindError> {
+fn read_metrics(bytes: Vec<u8>, outputs: Outputs) -> Result<Vec<EpochMetrics>, KindError> {
     let table = Table::open(METRICS, FORMAT, bytes)?;
     let mut metrics = Vec::new();
-    for batch in table.batches(&metrics_columns(classes))? {
+    for batch in table.batches(&metrics_columns(outputs))? {
         let batch = batch?;
         for i in 0..batch.rows {
             let number = |column: usize| batch.numbers::<Float64Type>(column)[i];
@@ -246,9 +318,14 @@ fn read_metrics(bytes: Vec<u8>, classes: u8) -> Result<Vec<EpochMetrics>, KindEr
                 epoch: batch.numbers::<UInt32Type>(0)[i],
                 samples: batch.numbers::<UInt64Type>(1)[i],
                 loss: number(2),
-                accuracy: number(3),
-                mean_recall: number(4),
-                recall: (0..=usize::from(classes)).map(|class| number(5 + class)).collect(),
+                fit: match outputs {
+                    Outputs::Classes(classes) => Fit::Classes {
+                        accuracy: number(3),
+                        mean_recall: number(4),
+                        recall: (0..=usize::from(classes)).map(|class| number(5 + class)).collect(),
+                    },
+                    Outputs::Ranks { .. } => Fit::Ranks { error: number(3) },
+                },
             });
             if !number(2).is_finite() {
                 return Err(wrong_value(METRICS, "loss", batch.first + i, number(2), "a finite number"));

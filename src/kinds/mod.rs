@@ -22,7 +22,7 @@ mod visits;
 use crate::domain::geometry::Frame;
 use crate::store::{Artifact, FileRef, Store, open_regular};
 
-pub use checkpoint::{Checkpoint, CheckpointConfig};
+pub use checkpoint::{Checkpoint, CheckpointConfig, Learned};
 pub use error::KindError;
 pub use heat::{DIRECTIONS, Heat, HeatClasses};
 pub use nav_episodes::{NavEpisodes, NavSample};

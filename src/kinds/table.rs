@@ -235,7 +235,7 @@ mod tests {
     use super::*;
     use crate::domain::geometry::{Frame, Grid, Point};
     use crate::domain::quantize::Labels;
-    use crate::domain::tiles::Tiles;
+    use crate::domain::tiles::{Target, Tiles};
     use crate::kinds::{Placed, SingleFile};
 
     fn check(query: &str, expected: &[&str]) {
@@ -268,11 +268,10 @@ mod tests {
     fn tiles() -> Vec<u8> {
         let tiles = Tiles {
             size: 2,
-            classes: 3,
             maps: vec!["home_00".to_owned(), "home_02".to_owned()],
             origin: vec![(0, 0, 0), (1, -2, 4)],
             occupancy: vec![1; 8],
-            labels: vec![-1, 1, 2, 3, 3, 2, 1, -1],
+            target: Target::Classes { classes: 3, labels: vec![-1, 1, 2, 3, 3, 2, 1, -1] },
             labeled_share: vec![0.75, 0.75],
         };
         tiles.to_bytes().expect("encoded")

@@ -1,5 +1,7 @@
-//! `Tiles`: one row per window: `map` (name), `row`, `col` i32 of the top left cell; `occupancy` u8 and `classes` i8 as
-//! lists of `size`² values in row-major order; `labeled_share` f32. Size, C and the names of all maps are metadata.
+//! `Tiles`: one row per window: `map` (name), `row`, `col` i32 of the top left cell; `occupancy` u8 and what is known of the
+//! cells as lists of `size`² values in row-major order; `labeled_share` f32. Size and the names of all maps are metadata.
+//!
+//! Known are either `classes` i8, with C in the metadata, or `rank` f32 (−1 on blocked cells) and possibly `density` f32.
 
 use std::sync::Arc;
 
@@ -12,25 +14,32 @@ use super::labels::{check_classes, class_count};
 use super::parquet::{Batch, Column, Layout, Table, wrong_value};
 use super::{KindError, SingleFile};
 use crate::domain::quantize::UNLABELED;
-use crate::domain::tiles::Tiles;
+use crate::domain::tiles::{NO_RANK, Target, Tiles};
 
 const KIND: &str = "Tiles";
 /// Windows of a row group: four million cells at 64 cells a side.
 const GROUP_WINDOWS: usize = 1024;
 
-fn columns(size: usize) -> Vec<Column> {
-    let list = |item| {
+fn columns(size: usize, target: &Target) -> Vec<Column> {
+    let list = |name: &str, item| {
         let length = i32::try_from(size * size).expect("windows have at most 512 cells a side");
-        DataType::FixedSizeList(Arc::new(Field::new("element", item, false)), length)
+        Column::new(name, DataType::FixedSizeList(Arc::new(Field::new("element", item, false)), length))
     };
-    vec![
+    let mut columns = vec![
         Column::new("map", DataType::Utf8),
         Column::new("row", DataType::Int32),
         Column::new("col", DataType::Int32),
-        Column::new("occupancy", list(DataType::UInt8)),
-        Column::new("classes", list(DataType::Int8)),
-        Column::new("labeled_share", DataType::Float32),
-    ]
+        list("occupancy", DataType::UInt8),
+    ];
+    match target {
+        Target::Classes { .. } => columns.push(list("classes", DataType::Int8)),
+        Target::Ranks { density, .. } => {
+            columns.push(list("rank", DataType::Float32));
+            columns.extend(density.as_ref().map(|_| list("density", DataType::Float32)));
+        }
+    }
+    columns.push(Column::new("labeled_share", DataType::Float32));
+    columns
 }
 
 impl SingleFile for Tiles {
@@ -38,13 +47,13 @@ impl SingleFile for Tiles {
     const FORMAT: u32 = 1;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
-        let columns = columns(self.size);
+        check(self)?;
+        let columns = columns(self.size, &self.target);
         let lists = |column: usize, values: ArrayRef| -> Result<ArrayRef, KindError> {
             let DataType::FixedSizeList(item, length) = &columns[column].data else { unreachable!("a list") };
             let array = FixedSizeListArray::try_new(item.clone(), *length, values, None);
             Ok(Arc::new(array.map_err(|e| KindError::Shape { kind: KIND, what: e.to_string() })?))
         };
-        check_classes(KIND, "classes", self.classes, UNLABELED, &self.labels)?;
         let names: Result<Vec<&str>, KindError> = self
             .origin
             .iter()
@@ -54,17 +63,29 @@ impl SingleFile for Tiles {
                 name.ok_or_else(|| wrong_value(KIND, "map", i, origin.0, "the index of a map"))
             })
             .collect();
-        let arrays: Vec<ArrayRef> = vec![
+        let mut arrays: Vec<ArrayRef> = vec![
             Arc::new(StringArray::from_iter_values(names?)),
             Arc::new(Int32Array::from_iter_values(self.origin.iter().map(|origin| origin.1))),
             Arc::new(Int32Array::from_iter_values(self.origin.iter().map(|origin| origin.2))),
             lists(3, Arc::new(UInt8Array::from(self.occupancy.clone())))?,
-            lists(4, Arc::new(Int8Array::from(self.labels.clone())))?,
-            Arc::new(Float32Array::from(self.labeled_share.clone())),
         ];
+        match &self.target {
+            Target::Classes { labels, .. } => arrays.push(lists(4, Arc::new(Int8Array::from(labels.clone())))?),
+            Target::Ranks { rank, density } => {
+                for (number, values) in std::iter::once(rank).chain(density).enumerate() {
+                    arrays.push(lists(4 + number, Arc::new(Float32Array::from(values.clone())))?);
+                }
+            }
+        }
+        arrays.push(Arc::new(Float32Array::from(self.labeled_share.clone())));
         let maps = serde_json::to_string(&self.maps).expect("names are JSON");
         let layout = Layout { group_rows: GROUP_WINDOWS, ..Layout::new(KIND, <Self as SingleFile>::FORMAT, columns) };
-        layout.with("size", self.size).with("classes", self.classes).with("maps", maps).bytes(arrays)
+        let layout = layout.with("size", self.size);
+        let layout = match &self.target {
+            Target::Classes { classes, .. } => layout.with("classes", *classes),
+            Target::Ranks { .. } => layout,
+        };
+        layout.with("maps", maps).bytes(arrays)
     }
 
     fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
@@ -75,27 +96,50 @@ impl SingleFile for Tiles {
         }
         let maps: Vec<String> =
             serde_json::from_str(table.text("maps")?).map_err(|_| table.wrong_metadata("maps", "a list of names"))?;
-        let mut tiles = Self {
-            size,
-            classes: class_count(&table)?,
-            maps,
-            origin: Vec::new(),
-            occupancy: Vec::new(),
-            labels: Vec::new(),
-            labeled_share: Vec::new(),
+        let target = if table.has("rank") {
+            Target::Ranks { rank: Vec::new(), density: table.has("density").then(Vec::new) }
+        } else {
+            Target::Classes { classes: class_count(&table)?, labels: Vec::new() }
         };
-        for batch in table.batches(&columns(size))? {
+        let columns = columns(size, &target);
+        let mut tiles =
+            Self { size, maps, origin: Vec::new(), occupancy: Vec::new(), target, labeled_share: Vec::new() };
+        for batch in table.batches(&columns)? {
             tiles.append(&batch?)?;
         }
-        check_classes(KIND, "classes", tiles.classes, UNLABELED, &tiles.labels)?;
-        if let Some(i) = tiles.occupancy.iter().position(|cell| *cell > 1) {
-            return Err(wrong_value(KIND, "occupancy", i / (size * size), tiles.occupancy[i], "0 or 1"));
-        }
-        if let Some(i) = tiles.labeled_share.iter().position(|share| !(0.0..=1.0).contains(share)) {
-            return Err(wrong_value(KIND, "labeled_share", i, tiles.labeled_share[i], "a share from 0 to 1"));
-        }
+        check(&tiles)?;
         Ok(tiles)
     }
+}
+
+/// Checks that all values are in their ranges.
+fn check(tiles: &Tiles) -> Result<(), KindError> {
+    let cells = tiles.size * tiles.size;
+    match &tiles.target {
+        Target::Classes { classes, labels } => check_classes(KIND, "classes", *classes, UNLABELED, labels)?,
+        Target::Ranks { rank, density } => {
+            if let Some(i) = rank.iter().position(|rank| *rank != NO_RANK && !(0.0..=1.0).contains(rank)) {
+                return Err(wrong_value(KIND, "rank", i / cells, rank[i], "a share from 0 to 1, or -1 where blocked"));
+            }
+            let density = density.as_deref().unwrap_or_default();
+            if let Some(i) = density.iter().position(|density| !(density.is_finite() && *density >= 0.0)) {
+                return Err(wrong_value(
+                    KIND,
+                    "density",
+                    i / cells,
+                    density[i],
+                    "a finite number that is not negative",
+                ));
+            }
+        }
+    }
+    if let Some(i) = tiles.occupancy.iter().position(|cell| *cell > 1) {
+        return Err(wrong_value(KIND, "occupancy", i / cells, tiles.occupancy[i], "0 or 1"));
+    }
+    if let Some(i) = tiles.labeled_share.iter().position(|share| !(0.0..=1.0).contains(share)) {
+        return Err(wrong_value(KIND, "labeled_share", i, tiles.labeled_share[i], "a share from 0 to 1"));
+    }
+    Ok(())
 }
 
 /// Appends windows as they come from a file.
@@ -115,8 +159,18 @@ impl Append for Tiles {
         }
         let cells = self.size * self.size;
         append_lists::<UInt8Type>(&mut self.occupancy, "occupancy", batch, 3, cells)?;
-        append_lists::<Int8Type>(&mut self.labels, "classes", batch, 4, cells)?;
-        self.labeled_share.extend_from_slice(batch.numbers::<Float32Type>(5));
+        let mut last = 5;
+        match &mut self.target {
+            Target::Classes { labels, .. } => append_lists::<Int8Type>(labels, "classes", batch, 4, cells)?,
+            Target::Ranks { rank, density } => {
+                append_lists::<Float32Type>(rank, "rank", batch, 4, cells)?;
+                if let Some(density) = density {
+                    append_lists::<Float32Type>(density, "density", batch, 5, cells)?;
+                    last = 6;
+                }
+            }
+        }
+        self.labeled_share.extend_from_slice(batch.numbers::<Float32Type>(last));
         Ok(())
     }
 }

@@ -5,14 +5,15 @@ use polars::prelude::DataFrame;
 use crate::domain::crowd::Summary;
 use crate::domain::geometry::{Cell, Frame, Grid};
 use crate::domain::map::OccupancyMap;
-use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE, UNLABELED};
+use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE, UNLABELED, class_weights};
 use crate::domain::raster::VisitCounts;
 use crate::domain::score::ClassScores;
 use crate::domain::social::{Estimate, SocialCosts};
-use crate::domain::tiles::Tiles;
+use crate::domain::tiles::{Target, Tiles};
 use crate::domain::tracks::Tracks;
+use crate::domain::unet::Architecture;
 use crate::kinds::parquet::Table;
-use crate::kinds::{Checkpoint, Heat, Kind, NavEpisodes, Placed, TrackReader, data_frame};
+use crate::kinds::{Checkpoint, Heat, Kind, Learned, NavEpisodes, Placed, TrackReader, data_frame};
 use crate::store::{Artifact, FileRef, Store};
 
 use super::ReportError;
@@ -175,7 +176,7 @@ impl Shown {
             fact("samples", format!("{} with rotations and mirrorings", tiles.samples())),
             fact("labeled", format!("{:.1} % of a window on average", 100.0 * mean)),
         ];
-        facts.extend(class_facts(&tiles.class_counts()));
+        facts.extend(tiles.target.class_counts().iter().flat_map(class_facts));
         Self { facts, picture: contact_sheet(tiles), table: None }
     }
 
@@ -184,19 +185,34 @@ impl Shown {
         let config = &checkpoint.config;
         let parameters: usize = checkpoint.state.model.values().map(|array| array.values.len()).sum();
         let list = |values: &[f64]| values.iter().map(|value| number(*value)).collect::<Vec<_>>().join(", ");
-        let facts = vec![
+        let mut facts = vec![
             fact("epochs", checkpoint.state.epoch),
             fact("parameters", parameters),
             fact("window", format!("{0} × {0} cells", config.window)),
-            fact("classes", config.classes()),
+            fact("network", network(&config.network)),
             fact("batch", config.batch),
             fact("learning rate", config.learning_rate),
-            fact("class distribution", list(&config.distribution())),
-            fact("class weights", list(&config.class_weights())),
         ];
+        match &config.learned {
+            Learned::Classes(counts) => facts.extend([
+                fact("classes", counts.classes.len()),
+                fact("class distribution", list(&counts.distribution())),
+                fact("class weights", list(&class_weights(counts))),
+            ]),
+            Learned::Ranks { density } => {
+                facts.push(fact("learned", if *density { "ranks and densities" } else { "ranks" }));
+            }
+        }
         let table = artifact.file("metrics.parquet").map(|file| read_table(store, file)).transpose()?;
         Ok(Self { facts, picture: None, table })
     }
+}
+
+/// Says what a network is like: `32-64-128`, and how many convolutions a level has if there are two.
+fn network(network: &Architecture) -> String {
+    let widths: Vec<String> = network.widths.iter().map(ToString::to_string).collect();
+    let twice = if network.convolutions > 1 { ", two convolutions each" } else { "" };
+    format!("levels of {} channels{twice}", widths.join("-"))
 }
 
 /// Draws visit counts.
@@ -256,7 +272,7 @@ fn crowd_facts(summary: &Summary) -> Vec<(String, String)> {
     facts
 }
 
-/// Sets windows beside each other, evenly spaced among all of them: occupancy above, classes below.
+/// Sets windows beside each other, evenly spaced among all of them: occupancy above, what is to be learned below.
 fn contact_sheet(tiles: &Tiles) -> Option<Picture> {
     let count = tiles.len().min(MOST_WINDOWS);
     if count == 0 {
@@ -267,28 +283,35 @@ fn contact_sheet(tiles: &Tiles) -> Option<Picture> {
     let down = count.div_ceil(across);
     let (wide, high) = (size + gap, 2 * size + 2 * gap + 1);
     let mut pixels = Grid::filled(down * high - gap, across * wide - gap, colors::PAPER);
+    let taught = |cell: usize| match &tiles.target {
+        Target::Classes { classes, labels } => match labels[cell] {
+            OBSTACLE => colors::WALL,
+            class if class <= UNLABELED => colors::EMPTY,
+            class => colors::class(class, *classes),
+        },
+        Target::Ranks { rank, .. } if rank[cell] < 0.0 => colors::WALL,
+        Target::Ranks { rank, .. } => colors::value(f64::from(rank[cell])),
+    };
     let mut put = |window: usize, slot: usize| {
         let (top, left) = (slot / across * high, slot % across * wide);
-        let (occupancy, labels) = (tiles.occupancy_of(window), tiles.labels_of(window));
-        for i in 0..size * size {
+        for (i, cell) in tiles.cells_of(window).enumerate() {
             let (row, col) = (top + i / size, left + i % size);
-            pixels[Cell::new(row, col)] = if occupancy[i] > 0 { colors::FREE } else { colors::WALL };
-            pixels[Cell::new(row + size + 1, col)] = match labels[i] {
-                OBSTACLE => colors::WALL,
-                class if class <= UNLABELED => colors::EMPTY,
-                class => colors::class(class, tiles.classes),
-            };
+            pixels[Cell::new(row, col)] = if tiles.occupancy[cell] > 0 { colors::FREE } else { colors::WALL };
+            pixels[Cell::new(row + size + 1, col)] = taught(cell);
         }
     };
     (0..count).for_each(|slot| put(slot * tiles.len() / count, slot));
-    let last = i8::try_from(tiles.classes).expect("at most 16 classes");
-    let mut legend: Vec<_> =
-        (1..=last).map(|class| (format!("class {class}"), colors::class(class, tiles.classes))).collect();
-    legend.extend([
-        ("unlabeled".to_owned(), colors::EMPTY),
-        ("blocked".to_owned(), colors::WALL),
-        ("free".to_owned(), colors::FREE),
-    ]);
+    let mut legend: Vec<_> = match &tiles.target {
+        Target::Classes { classes, .. } => {
+            let last = i8::try_from(*classes).expect("at most 16 classes");
+            let classes = (1..=last).map(|class| (format!("class {class}"), colors::class(class, *classes)));
+            classes.chain([("unlabeled".to_owned(), colors::EMPTY)]).collect()
+        }
+        Target::Ranks { .. } => [("least visited", 0.0), ("median", 0.5), ("most visited", 1.0)]
+            .map(|(n, v)| (n.to_owned(), colors::value(v)))
+            .into(),
+    };
+    legend.extend([("blocked".to_owned(), colors::WALL), ("free".to_owned(), colors::FREE)]);
     Some(Picture::painted(None, pixels, legend))
 }
 

@@ -86,7 +86,7 @@ impl Stage for Annotate {
     }
 }
 
-/// Annotates a map with the network of a checkpoint: heat, classes and probabilities.
+/// Annotates a map with the network of a checkpoint: heat, and density or classes and probabilities.
 ///
 /// # Errors
 /// [`StageError`] if parameters do not fit the checkpoint or `progress` ended the work.
@@ -97,15 +97,17 @@ pub fn heat(
     compute: &Compute,
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Heat, StageError> {
-    let classes = usize::from(checkpoint.config.classes());
-    let CheckpointConfig { network, .. } = &checkpoint.config;
-    let network = Network::new(network, classes, &checkpoint.state.model, compute).map_err(StageError::failed)?;
-    let window = checkpoint.config.window as usize;
-    let annotation = annotate(map, window, classes, config, &network, progress).map_err(|error| match error {
+    let CheckpointConfig { network, window, .. } = &checkpoint.config;
+    let network = Network::new(network, checkpoint.config.outputs(), &checkpoint.state.model, compute);
+    let network = network.map_err(StageError::failed)?;
+    let annotation = annotate(map, *window as usize, config, &network, progress).map_err(|error| match error {
         AnnotateError::Cancelled => StageError::Cancelled,
         error => StageError::failed(error),
     })?;
-    let thresholds = thresholds(&annotation.heat, map, &checkpoint.config.distribution());
+    let Some(counts) = checkpoint.config.counts() else {
+        return Ok(Heat { density: annotation.density, ..Heat::new(map.free().clone(), annotation.heat) });
+    };
+    let thresholds = thresholds(&annotation.heat, map, &counts.distribution());
     let classes = quantize(&annotation.heat, map, &thresholds);
     Ok(Heat::of_classes(annotation.heat, classes, annotation.probabilities))
 }

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Definition, kind, read, write};
-use crate::domain::quantize::Labels;
+use crate::domain::quantize::{Labels, class_weights};
 use crate::domain::raster::VisitCounts;
 use crate::domain::score::{ClassScores, Scored, score};
 use crate::kinds::{Checkpoint, Heat, Placed, outline};
@@ -64,7 +64,7 @@ impl Stage for Score {
         }
         let model: Option<Checkpoint> =
             inputs.maybe("model").map(|artifact| read(context, artifact)).transpose()?.map(|(model, _)| model);
-        let weights = model.map(|model| model.config.class_weights());
+        let weights = model.and_then(|model| model.config.counts().map(class_weights));
         let predicted = heat.value.classes.as_ref().ok_or_else(|| StageError::Failed {
             message: "`heat` predicts no classes to score".to_owned(),
             help: None,

@@ -5,9 +5,11 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Definition, kind, read, write};
+use crate::domain::geometry::Grid;
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::Labels;
-use crate::domain::tiles::{LabeledMap, TileConfig, TileError, Tiles, cut};
+use crate::domain::raster::VisitCounts;
+use crate::domain::tiles::{Known, LabeledMap, Ranks, TileConfig, TileError, Tiles, cut};
 use crate::kinds::{Placed, outline};
 use crate::pipeline::stage::{
     Arity, Context, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
@@ -25,11 +27,28 @@ impl Definition for Tile {
         version: 2,
         ports: &[
             Port { name: "map", kind: "OccupancyMap", arity: Arity::Group, doc: "The maps to cut." },
-            Port { name: "labels", kind: "Labels", arity: Arity::Group, doc: "The labels of the same maps." },
+            Port {
+                name: "labels",
+                kind: "Labels",
+                arity: Arity::GroupOr("visits"),
+                doc: "The classes of the same maps, to learn classes.",
+            },
+            Port {
+                name: "visits",
+                kind: "VisitCounts",
+                arity: Arity::GroupOr("labels"),
+                doc: "The visits of the same maps, to learn ranks: the share of a map's free cells that is visited less.",
+            },
+            Port {
+                name: "dwell",
+                kind: "VisitCounts",
+                arity: Arity::OptionalGroup,
+                doc: "Beside visits, counts of time steps (`count: steps`), to learn how many people to expect.",
+            },
         ],
         output: kind::<Tiles>(),
         seeded: false,
-        doc: "Cuts labeled maps into overlapping windows, without those that have few labels (section IV-A).",
+        doc: "Cuts maps into overlapping windows to learn from, without those that have few labels (section IV-A).",
     };
 
     fn check(&self) -> Result<(), ParameterError> {
@@ -44,28 +63,64 @@ impl Stage for Tile {
 
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
         let cells: u64 = inputs.group("map").values().map(|map| outline(store, map).rows).sum();
-        // Each cell is in as many windows as strides fit into one, twice a byte there, and once more as it is written.
+        // Each cell is in as many windows as strides fit into one, once as it is kept and once more as it is written: its
+        // occupancy and class, or rank and density.
         let windows = u64::from(self.0.size.div_ceil(self.0.stride.max(1))).pow(2);
-        super::memory(cells.saturating_mul(32 + 4 * windows))
+        let bytes = 2 * if inputs.has("labels") {
+            2
+        } else if inputs.has("dwell") {
+            9
+        } else {
+            5
+        };
+        super::memory(cells.saturating_mul(32 + bytes * windows))
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
-        let mut maps: Vec<(&str, OccupancyMap, Labels)> = Vec::new();
-        let labels = inputs.group("labels");
+        let mut maps: Vec<(&str, OccupancyMap, Learned)> = Vec::new();
         for (name, map) in inputs.group("map") {
             if (context.cancelled)() {
                 return Err(StageError::Cancelled);
             }
-            let labels = labels.get(name).expect("the plan pairs the groups by name");
             let (map, _): (OccupancyMap, _) = read(context, map)?;
-            let (labels, _): (Placed<Labels>, _) = read(context, labels)?;
-            super::same_frame(name, map.frame(), "its labels", &labels.frame)?;
-            maps.push((name, map, labels.value));
+            let learned = learned(name, &map, inputs, context)?;
+            maps.push((name, map, learned));
         }
         let labeled: Vec<LabeledMap> =
-            maps.iter().map(|(name, map, labels)| LabeledMap { name, map, labels }).collect();
+            maps.iter().map(|(name, map, learned)| LabeledMap { name, map, known: learned.known() }).collect();
         write(context, &cut(&labeled, &self.0).map_err(explained)?)
     }
+}
+
+/// What is to be learned of a map.
+enum Learned {
+    Classes(Labels),
+    Ranks(Ranks),
+}
+
+impl Learned {
+    const fn known(&self) -> Known<'_> {
+        match self {
+            Self::Classes(labels) => Known::Classes(labels),
+            Self::Ranks(ranks) => Known::Ranks(ranks),
+        }
+    }
+}
+
+fn learned(name: &str, map: &OccupancyMap, inputs: &Inputs, context: &Context) -> Result<Learned, StageError> {
+    let member = |port: &str| inputs.group(port).get(name).expect("the plan pairs the groups by name");
+    if inputs.has("labels") {
+        let (labels, _): (Placed<Labels>, _) = read(context, member("labels"))?;
+        super::same_frame(name, map.frame(), "its labels", &labels.frame)?;
+        return Ok(Learned::Classes(labels.value));
+    }
+    let counts = |port: &str, what: &str| -> Result<Grid<u32>, StageError> {
+        let (visits, _): (Placed<VisitCounts>, _) = read(context, member(port))?;
+        super::same_frame(name, map.frame(), what, &visits.frame)?;
+        Ok(visits.value.counts)
+    };
+    let dwell = if inputs.has("dwell") { Some(counts("dwell", "its counts of time steps")?) } else { None };
+    Ok(Learned::Ranks(Ranks::of(map, &counts("visits", "its visits")?, dwell.as_ref())))
 }
 
 /// Says what helps.

@@ -10,8 +10,8 @@ use serde_json::Value;
 use super::{Definition, compute, kind, read, write};
 use crate::domain::quantize::class_weights;
 use crate::domain::tiles::Tiles;
-use crate::domain::unet::{BatchReport, TrainConfig, Trainer, UnetError};
-use crate::kinds::{Checkpoint, CheckpointConfig, outline};
+use crate::domain::unet::{BatchReport, Outputs, TrainConfig, Trainer, UnetError};
+use crate::kinds::{Checkpoint, CheckpointConfig, Learned, outline};
 use crate::pipeline::stage::{
     Arity, Context, Division, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
@@ -47,7 +47,10 @@ impl Stage for Train {
         let mut value = self.parameters();
         if let Part::Step(epoch) = part {
             let object = value.as_object_mut().expect("parameters are an object");
-            object.remove("epochs");
+            // A learning rate that falls to the end depends on where that is.
+            if self.0.decay.is_none() {
+                object.remove("epochs");
+            }
             object.insert("epoch".to_owned(), epoch.into());
         }
         value
@@ -64,16 +67,16 @@ impl Stage for Train {
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
         let windows = outline(store, inputs.one("tiles"));
         let cells = windows.positive("size").map_or(64 * 64, |size| (size * size) as u64);
-        // Occupancy and classes, once as they are read and once as they are kept; of a batch all activations and their
-        // gradients.
-        let (kept, batch) = (windows.rows.saturating_mul(4), u64::from(self.0.batch).saturating_mul(4 << 10));
+        // Occupancy and classes or ranks, once as they are read and once as they are kept; of a batch all activations and
+        // their gradients.
+        let (kept, batch) = (windows.rows.saturating_mul(18), u64::from(self.0.batch).saturating_mul(4 << 10));
         Needs { exclusive: true, ..super::memory((256 << 20) + cells.saturating_mul(kept.saturating_add(batch))) }
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let (tiles, _): (Tiles, _) = read(context, inputs.one("tiles"))?;
-        let counts = tiles.class_counts();
-        let weights = class_weights(&counts);
+        let counts = tiles.target.class_counts();
+        let weights = counts.as_ref().map(class_weights).unwrap_or_default();
         let compute = compute::open(self.0.device)?;
         let (mut trainer, mut metrics) = match &inputs.previous {
             None => (Trainer::new(&tiles, &weights, &self.0, &compute, context.seed), Vec::new()),
@@ -94,7 +97,11 @@ impl Stage for Train {
             window: u32::try_from(tiles.size).expect("windows are small"),
             batch: self.0.batch,
             learning_rate: self.0.learning_rate,
-            counts,
+            learned: match (counts, Outputs::of(&tiles.target)) {
+                (Some(counts), _) => Learned::Classes(counts),
+                (None, Outputs::Ranks { density }) => Learned::Ranks { density },
+                (None, Outputs::Classes(_)) => unreachable!("classes can be counted"),
+            },
         };
         write(context, &Checkpoint { config, state: trainer.state(), metrics })
     }

@@ -13,6 +13,7 @@ use parquet::basic::{Compression, Encoding, ZstdLevel};
 use parquet::file::metadata::KeyValue;
 use parquet::file::properties::WriterProperties;
 use serde_json::Value;
+use trodden::domain::quantize::class_weights;
 use trodden::domain::unet::{Compute, DeviceName, Network, Simd};
 use trodden::kinds::parquet::read_any;
 use trodden::kinds::{Checkpoint, KindError, SingleFile, TrackReader, TrackWriter, data_frame};
@@ -26,7 +27,7 @@ pub fn target(name: &str) -> Option<Target> {
         "OccupancyMap" => kind("OccupancyMap", &samples::map()),
         "VisitCounts" => kind("VisitCounts", &samples::visits()),
         "Labels" => kind("Labels", &samples::labels()),
-        "Tiles" => kind("Tiles", &samples::tiles()),
+        "Tiles" => kinds("Tiles", &[samples::tiles(), samples::ranked_tiles()]),
         "Heat" => kind("Heat", &samples::heat()),
         "NavEpisodes" => kind("NavEpisodes", &samples::trips()),
         "ClassScores" => kind("ClassScores", &samples::scores()),
@@ -50,8 +51,12 @@ pub fn target(name: &str) -> Option<Target> {
 
 /// What is read can be written again, unless it is nothing that a stage writes.
 fn kind<K: SingleFile>(name: &'static str, sample: &K) -> Target {
-    let seed = sample.to_bytes().expect("a sample can be written");
-    Target::new(name, vec![seed], parquet_file, |input| {
+    kinds(name, std::slice::from_ref(sample))
+}
+
+fn kinds<K: SingleFile>(name: &'static str, samples: &[K]) -> Target {
+    let seeds = samples.iter().map(|sample| sample.to_bytes().expect("a sample can be written")).collect();
+    Target::new(name, seeds, parquet_file, |input| {
         K::from_bytes(input.to_vec()).is_ok_and(|value| value.to_bytes().is_ok())
     })
 }
@@ -217,20 +222,20 @@ fn unpacked(mut input: &[u8]) -> Vec<Vec<u8>> {
 }
 
 fn checkpoint() -> Target {
-    let files = samples::checkpoint().to_files().expect("a sample can be written");
-    let seed = packed(&Checkpoint::FILES.map(|name| files[name].clone()));
+    let seeds = [samples::checkpoint(), samples::ranking_checkpoint()].map(|sample| {
+        let files = sample.to_files().expect("a sample can be written");
+        packed(&Checkpoint::FILES.map(|name| files[name].clone()))
+    });
     let compute = Compute::new(DeviceName::Flex, Some(Simd::Portable)).expect("everywhere");
-    Target::new("checkpoint", vec![seed], bundle, move |input| {
+    Target::new("checkpoint", seeds.to_vec(), bundle, move |input| {
         let files = unpacked(input);
         let file = |name: &'static str| {
             let at = Checkpoint::FILES.iter().position(|file| *file == name).expect("one of four");
             Ok(files.get(at).cloned().unwrap_or_default())
         };
         let Ok(checkpoint) = Checkpoint::from_files(file) else { return false };
-        drop(checkpoint.config.distribution());
-        drop(checkpoint.config.class_weights());
-        let (network, classes) = (&checkpoint.config.network, usize::from(checkpoint.config.classes()));
-        drop(Network::new(network, classes, &checkpoint.state.model, &compute));
+        drop(checkpoint.config.counts().map(class_weights));
+        drop(Network::new(&checkpoint.config.network, checkpoint.config.outputs(), &checkpoint.state.model, &compute));
         checkpoint.to_files().is_ok()
     })
 }

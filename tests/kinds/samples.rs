@@ -8,10 +8,10 @@ use trodden::domain::quantize::{ClassCounts, Labels};
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::{ClassScores, Confusion};
 use trodden::domain::social::{EpisodeCost, Estimate, Predictor, PredictorCosts, SocialCosts};
-use trodden::domain::tiles::Tiles;
+use trodden::domain::tiles::{NO_RANK, Target, Tiles};
 use trodden::domain::tracks::{Sample, Tracks, agent_id};
-use trodden::domain::unet::{Architecture, Array, EpochMetrics, TrainState};
-use trodden::kinds::{Checkpoint, CheckpointConfig, Heat, NavEpisodes, NavSample, Placed};
+use trodden::domain::unet::{Architecture, Array, EpochMetrics, Fit, TrainState};
+use trodden::kinds::{Checkpoint, CheckpointConfig, Heat, Learned, NavEpisodes, NavSample, Placed};
 
 pub fn frame() -> Frame {
     Frame { origin: Point::new(-1.5, 0.25), ..Frame::at_zero(0.1, 4, 5) }
@@ -52,13 +52,26 @@ pub fn tiles() -> Tiles {
     let cells = 3 * 64;
     Tiles {
         size: 8,
-        classes: 3,
         maps: ["home_00", "home_01", "home_02"].map(str::to_owned).to_vec(),
         origin: vec![(0, -8, 0), (0, 0, 8), (2, 16, -8)],
         occupancy: (0..cells).map(|i| u8::from(i % 3 != 0)).collect(),
-        labels: (0..cells).map(|i| if i % 3 == 0 { 0 } else { (i % 5) as i8 - 1 }).collect(),
+        target: Target::Classes {
+            classes: 3,
+            labels: (0..cells).map(|i| if i % 3 == 0 { 0 } else { (i % 5) as i8 - 1 }).collect(),
+        },
         labeled_share: vec![0.5, 0.25, 1.0],
     }
+}
+
+/// The same windows, with ranks and densities to learn.
+pub fn ranked_tiles() -> Tiles {
+    let tiles = tiles();
+    let free = |i: usize| tiles.occupancy[i] > 0;
+    let target = Target::Ranks {
+        rank: (0..3 * 64).map(|i| if free(i) { (i % 17) as f32 / 32.0 } else { NO_RANK }).collect(),
+        density: Some((0..3 * 64).map(|i| if free(i) { (i % 7) as f32 / 4.0 } else { 0.0 }).collect()),
+    };
+    Tiles { target, ..tiles }
 }
 
 pub fn sample(episode: u32, agent: usize, frame: i64) -> Sample {
@@ -130,9 +143,7 @@ pub fn checkpoint() -> Checkpoint {
     let metrics = |epoch: u32| EpochMetrics {
         epoch,
         loss: 1.0 / f64::from(epoch),
-        accuracy: 0.5,
-        mean_recall: 0.25,
-        recall: vec![0.75, 0.25, 0.125, 0.0],
+        fit: Fit::Classes { accuracy: 0.5, mean_recall: 0.25, recall: vec![0.75, 0.25, 0.125, 0.0] },
         samples: 64,
     };
     Checkpoint {
@@ -141,13 +152,33 @@ pub fn checkpoint() -> Checkpoint {
             window: 64,
             batch: 32,
             learning_rate: 0.001,
-            counts: ClassCounts { obstacle: 3001, classes: vec![825, 141, 37], unlabeled: 17 },
+            learned: Learned::Classes(ClassCounts { obstacle: 3001, classes: vec![825, 141, 37], unlabeled: 17 }),
         },
         state: TrainState {
             epoch: 2,
             model: named(vec![("head.weight", array(&[4, 2, 1, 1], -0.5)), ("head.bias", array(&[4], 0.0))]),
             optimizer: named(vec![("head.bias.exp_avg", array(&[4], 1.0)), ("step", array(&[1], 128.0))]),
         },
+        metrics: vec![metrics(1), metrics(2)],
+    }
+}
+
+/// A network that has learned ranks and densities.
+pub fn ranking_checkpoint() -> Checkpoint {
+    let classes = checkpoint();
+    let metrics = |epoch: u32| EpochMetrics {
+        epoch,
+        loss: 0.75 / f64::from(epoch),
+        fit: Fit::Ranks { error: 0.125 / f64::from(epoch) },
+        samples: 64,
+    };
+    Checkpoint {
+        config: CheckpointConfig {
+            network: Architecture::deep(),
+            learned: Learned::Ranks { density: true },
+            ..classes.config
+        },
+        state: classes.state,
         metrics: vec![metrics(1), metrics(2)],
     }
 }

@@ -127,7 +127,7 @@ impl Bench {
         artifact
     }
 
-    /// Trains two epochs on windows of [`map`] and [`labels`], and annotates the map by what came out.
+    /// Trains two epochs on windows of [`map`] with [`labels`], then with [`visits`], and annotates the map by what came out.
     fn network(&mut self) {
         let stage = |name: &str, parameters: Value| {
             let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
@@ -138,24 +138,34 @@ impl Bench {
             Input::One(artifact) => artifact,
             Input::Group(_) => unreachable!("each was put alone"),
         };
-        let (map, labels) = (one(self.put(&map())), one(self.put(&labels())));
+        let (map, labels, visits) = (one(self.put(&map())), one(self.put(&labels())), one(self.put(&visits())));
         let ports = |ports: Vec<(&str, Input)>| Inputs {
             ports: ports.into_iter().map(|(port, input)| (port.to_owned(), input)).collect(),
             ..Inputs::default()
         };
-        let (spec, tile) = stage("tile", json!({ "size": 16, "stride": 16, "min_labeled": 64 }));
-        let inputs = ports(vec![("map", group(map.clone())), ("labels", group(labels))]);
-        let tiles = self.run(spec, &*tile, Part::Whole, &inputs);
-        let (spec, train) = stage("train", json!({ "epochs": 2, "batch": 8 }));
-        let mut inputs = ports(vec![("tiles", Input::One(tiles))]);
-        for epoch in 1..=2 {
-            inputs.previous = Some(self.run(spec, &*train, Part::Step(epoch), &inputs));
-        }
-        let model = inputs.previous.take().expect("the second epoch");
-        for parameters in [json!({ "mode": "exact", "stride": 8 }), json!({ "mode": "dense", "offsets": 4 })] {
-            let (spec, annotate) = stage("annotate", parameters);
-            let inputs = ports(vec![("map", Input::One(map.clone())), ("model", Input::One(model.clone()))]);
-            self.run(spec, &*annotate, Part::Whole, &inputs);
+        let exact = json!({ "mode": "exact", "stride": 8 });
+        let dense = json!({ "mode": "dense", "offsets": 4 });
+        let small = json!({ "widths": [16, 32, 16, 16] });
+        let falling = json!({ "epochs": 2, "batch": 8, "network": small, "warmup": 3, "decay": { "from": 0.5 } });
+        let cases = [
+            (vec![("labels", group(labels))], json!({ "epochs": 2, "batch": 8 }), vec![exact, dense.clone()]),
+            (vec![("visits", group(visits.clone())), ("dwell", group(visits))], falling, vec![dense]),
+        ];
+        for (known, training, annotations) in cases {
+            let (spec, tile) = stage("tile", json!({ "size": 16, "stride": 16, "min_labeled": 64 }));
+            let inputs = ports([vec![("map", group(map.clone()))], known].concat());
+            let tiles = self.run(spec, &*tile, Part::Whole, &inputs);
+            let (spec, train) = stage("train", training);
+            let mut inputs = ports(vec![("tiles", Input::One(tiles))]);
+            for epoch in 1..=2 {
+                inputs.previous = Some(self.run(spec, &*train, Part::Step(epoch), &inputs));
+            }
+            let model = inputs.previous.take().expect("the second epoch");
+            for parameters in annotations {
+                let (spec, annotate) = stage("annotate", parameters);
+                let inputs = ports(vec![("map", Input::One(map.clone())), ("model", Input::One(model.clone()))]);
+                self.run(spec, &*annotate, Part::Whole, &inputs);
+            }
         }
     }
 }
@@ -253,7 +263,11 @@ fn the_network_changes_only_with_a_version() {
         "train 2 beaae3b26d8d0569",
         "train 2 b4052ee2092d589d",
         "annotate 2 5d2828a1fa7394cf",
-        "annotate 2 42e7908a3352c22d",
+        "annotate 2 3d87d6d9d150bbe2",
+        "tile 2 41ff6fd26f5367cb",
+        "train 2 f4bbd6ae2bfebddc",
+        "train 2 8c995bf59d21fbed",
+        "annotate 2 8f902f4fcc345c8d",
     ];
     assert_eq!(found, expected, "{}: raise VERSION of the stage, then update this digest", told.stderr);
 }

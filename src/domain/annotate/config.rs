@@ -24,6 +24,9 @@ pub struct AnnotateFields {
     #[schemars(range(min = 1, max = 64))]
     #[serde(skip_serializing_if = "Option::is_none")]
     pub offsets: Option<u32>,
+    /// Whether each offset sees the map in another of the eight rotations and mirrorings (dense mode); by default true.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub augment: Option<bool>,
     /// What the heat is divided by at the end.
     pub normalize: Normalize,
     /// What computes.
@@ -73,10 +76,11 @@ impl TryFrom<AnnotateFields> for AnnotateConfig {
             ModeName::Dense => {
                 absent(fields.stride.is_some(), "stride", "mode: exact", "mode: dense")?;
                 absent(fields.overlap.is_some(), "overlap", "mode: exact", "mode: dense")?;
-                Mode::Dense { offsets: fields.offsets.unwrap_or(64) }
+                Mode::Dense { offsets: fields.offsets.unwrap_or(64), augment: fields.augment.unwrap_or(true) }
             }
             ModeName::Exact => {
                 absent(fields.offsets.is_some(), "offsets", "mode: dense", "mode: exact")?;
+                absent(fields.augment.is_some(), "augment", "mode: dense", "mode: exact")?;
                 Mode::Exact(match fields.overlap.unwrap_or_default() {
                     OverlapName::Full => Overlap::Full { stride },
                     OverlapName::PerPixel => Overlap::PerPixel { stride },
@@ -97,7 +101,9 @@ impl From<AnnotateConfig> for AnnotateFields {
         let exact =
             |overlap, stride| Self { mode: Some(ModeName::Exact), overlap: Some(overlap), stride, ..own.clone() };
         match config.mode {
-            Mode::Dense { offsets } => Self { mode: Some(ModeName::Dense), offsets: Some(offsets), ..own },
+            Mode::Dense { offsets, augment } => {
+                Self { mode: Some(ModeName::Dense), offsets: Some(offsets), augment: Some(augment), ..own }
+            }
             Mode::Exact(Overlap::Full { stride }) => exact(OverlapName::Full, Some(stride)),
             Mode::Exact(Overlap::None) => exact(OverlapName::None, None),
             Mode::Exact(Overlap::PerPixel { stride }) => exact(OverlapName::PerPixel, Some(stride)),
@@ -114,6 +120,8 @@ pub enum Mode {
     Dense {
         /// How many of the offsets are averaged, 1 to 64.
         offsets: u32,
+        /// Whether each sees the map in another of the eight rotations and mirrorings.
+        augment: bool,
     },
 }
 
@@ -159,7 +167,7 @@ pub struct AnnotateConfig {
 
 impl Default for Mode {
     fn default() -> Self {
-        Self::Dense { offsets: 64 }
+        Self::Dense { offsets: 64, augment: true }
     }
 }
 
@@ -206,7 +214,7 @@ impl AnnotateConfig {
             {
                 Err(AnnotateError::Stride { stride, window })
             }
-            Mode::Dense { offsets } if !(1..=64).contains(&offsets) => Err(AnnotateError::Offsets(offsets)),
+            Mode::Dense { offsets, .. } if !(1..=64).contains(&offsets) => Err(AnnotateError::Offsets(offsets)),
             Mode::Exact(_) | Mode::Dense { .. } => Ok(()),
         }
     }
@@ -232,7 +240,7 @@ mod tests {
 
     #[test]
     fn each_mode_has_its_own_parameters() {
-        let dense = json!({ "mode": "dense", "offsets": 64, "normalize": "none", "device": "flex" });
+        let dense = json!({ "mode": "dense", "offsets": 64, "augment": true, "normalize": "none", "device": "flex" });
         check(json!({}), Ok(dense.clone()));
         check(json!({ "mode": "dense", "offsets": 64 }), Ok(dense));
         let exact = |more: serde_json::Value| {
@@ -265,6 +273,10 @@ mod tests {
         check(
             json!({ "mode": "exact", "offsets": 64 }),
             Err("`offsets` goes with `mode: dense`, and here is `mode: exact`"),
+        );
+        check(
+            json!({ "stride": 4, "augment": true }),
+            Err("`augment` goes with `mode: dense`, and here is `mode: exact`"),
         );
         check(
             json!({ "mode": "exact", "overlap": "none", "stride": 4 }),

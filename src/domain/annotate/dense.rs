@@ -24,19 +24,54 @@ fn offsets(count: usize, period: usize) -> impl Iterator<Item = (usize, usize)> 
     })
 }
 
-/// At which offsets the map is predicted, and which of the predictions each cell gets.
+/// One prediction of the whole map: how it is shifted, and then turned or mirrored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+struct Pass {
+    /// Cells by which the map is shifted down and to the right.
+    offset: (usize, usize),
+    /// Whether rows and columns are exchanged, after rows, or columns, are read backwards.
+    transposed: bool,
+    flipped: [bool; 2],
+}
+
+impl Pass {
+    /// Returns the pass with an offset and one of the eight transforms, by its number modulo 8; number 0 changes nothing.
+    const fn new(offset: (usize, usize), transform: usize) -> Self {
+        Self { offset, transposed: transform & 1 > 0, flipped: [transform & 2 > 0, transform & 4 > 0] }
+    }
+
+    /// Returns the rows and columns of an image that shows `rows` × `cols` cells.
+    const fn shape(&self, rows: usize, cols: usize) -> [usize; 2] {
+        if self.transposed { [cols, rows] } else { [rows, cols] }
+    }
+
+    /// Returns the pixel of the image that shows a cell, counted row by row.
+    const fn pixel(&self, row: usize, col: usize, rows: usize, cols: usize) -> usize {
+        let row = if self.flipped[0] { rows - 1 - row } else { row };
+        let col = if self.flipped[1] { cols - 1 - col } else { col };
+        if self.transposed { col * rows + row } else { row * cols + col }
+    }
+}
+
+/// At which offsets and in which transforms the map is predicted, and which of the predictions each cell gets.
 #[derive(Debug, Clone)]
 pub(super) struct Passes {
-    /// Cells by which the map is shifted down and to the right.
-    offsets: Vec<(usize, usize)>,
+    passes: Vec<Pass>,
     /// The one shift that counts for each row and for each column; `None` if all do, and cells get the mean.
     own: Option<[Vec<usize>; 2]>,
 }
 
 impl Passes {
     /// Shifts by `count` of the offsets modulo `period`; all of them count for every cell.
-    pub(super) fn mean_of(count: usize, period: usize) -> Self {
-        Self { offsets: offsets(count, period).collect(), own: None }
+    ///
+    /// With `augment`, each is in the next of the eight transforms.
+    pub(super) fn mean_of(count: usize, period: usize, augment: bool) -> Self {
+        let passes = offsets(count, period).enumerate();
+        let mut passes: Vec<Pass> =
+            passes.map(|(number, offset)| Pass::new(offset, if augment { number % 8 } else { 0 })).collect();
+        // Those of one shape go together.
+        passes.sort_by_key(|pass| pass.transposed);
+        Self { passes, own: None }
     }
 
     /// Shifts so that each cell is seen as in a window that begins at `starts` of its row and of its column.
@@ -47,12 +82,12 @@ impl Passes {
         });
         let all = offsets(period * period, period);
         let offsets = all.filter(|(down, right)| own[0].contains(down) && own[1].contains(right));
-        Self { offsets: offsets.collect(), own: Some(own) }
+        Self { passes: offsets.map(|offset| Pass::new(offset, 0)).collect(), own: Some(own) }
     }
 
     /// Returns how many predictions a cell gets.
     fn for_each_cell(&self) -> usize {
-        if self.own.is_some() { 1 } else { self.offsets.len() }
+        if self.own.is_some() { 1 } else { self.passes.len() }
     }
 
     /// Returns the columns among `cols` that get their predictions in row `row` of the map from an offset.
@@ -69,26 +104,24 @@ fn blocks(length: usize, most: usize, period: usize) -> Vec<Range<usize>> {
     (0..length).step_by(step.max(1)).map(|start| start..(start + step).min(length)).collect()
 }
 
-/// Computes the mean probabilities of every cell, shape [rows, cols, C + 1], over the passes that count for it.
+/// Computes the mean outputs of every cell, shape [rows, cols, outputs], over the passes that count for it.
 ///
 /// The map lies in endless obstacle. Blocks of it are predicted with a margin that is wider than the network can see,
 /// so the result does not depend on the blocks.
 pub(super) fn means(
     free: &Grid<bool>,
-    classes: usize,
     passes: &Passes,
     predict: &dyn Predict,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<f32>, AnnotateError> {
-    let width = classes + 1;
-    let (offsets, count) = (&passes.offsets, passes.for_each_cell());
+    let width = predict.outputs().count();
     let period = predict.period();
     // Cells around a block that are shown to the network besides: all that it can see from any cell.
     let margin = predict.sight().next_multiple_of(period);
     // So that margins never are most of the work.
     let most = BLOCK.max(4 * margin);
     let (bands, bars) = (blocks(free.rows(), most, period), blocks(free.cols(), most, period));
-    let total = bands.len() * bars.len() * offsets.len();
+    let total = bands.len() * bars.len() * passes.passes.len();
     let mut done = 0;
     let mut means = vec![0.0; free.len() * width];
     let (mut images, mut predicted) = (Vec::new(), Vec::new());
@@ -96,25 +129,28 @@ pub(super) fn means(
         let edge = |length: usize| (length + period - 1 + 2 * margin).next_multiple_of(period);
         let (rows, cols) = (edge(band.len()), edge(bar.len()));
         let mut sums = vec![0.0f64; band.len() * bar.len() * width];
-        for batch in offsets.chunks(BATCH) {
+        for batch in passes.passes.chunk_by(|a, b| a.transposed == b.transposed).flat_map(|alike| alike.chunks(BATCH)) {
             images.resize(batch.len() * rows * cols, 0u8);
             predicted.resize(images.len() * width, 0.0f32);
-            // The image of offset (down, right) begins `down` rows and `right` columns before the margin does.
-            images.par_chunks_exact_mut(rows * cols).zip(batch).for_each(|(image, &(down, right))| {
-                let top = band.start as isize - (margin + down) as isize;
-                let left = bar.start as isize - (margin + right) as isize;
-                for (i, value) in image.iter_mut().enumerate() {
-                    let cell = free.get(top + (i / cols) as isize, left + (i % cols) as isize);
-                    *value = u8::from(cell == Some(&true));
+            images.par_chunks_exact_mut(rows * cols).zip(batch).for_each(|(image, pass)| {
+                // The image begins `down` rows and `right` columns before the margin does.
+                let top = band.start as isize - (margin + pass.offset.0) as isize;
+                let left = bar.start as isize - (margin + pass.offset.1) as isize;
+                for (row, col) in (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col))) {
+                    let cell = free.get(top + row as isize, left + col as isize);
+                    image[pass.pixel(row, col, rows, cols)] = u8::from(cell == Some(&true));
                 }
             });
-            predict.images(&images, rows, cols, batch.len(), &mut predicted);
+            let [height, length] = batch[0].shape(rows, cols);
+            predict.images(&images, height, length, batch.len(), &mut predicted);
             sums.par_chunks_exact_mut(bar.len() * width).enumerate().for_each(|(row, sums)| {
-                for (image, &(down, right)) in predicted.chunks_exact(rows * cols * width).zip(batch) {
-                    let line = &image[((margin + down + row) * cols + margin + right) * width..];
-                    for col in passes.cols(band.start + row, bar.clone(), (down, right)) {
-                        let at = (col - bar.start) * width;
-                        for (sum, value) in sums[at..at + width].iter_mut().zip(&line[at..]) {
+                for (image, pass) in predicted.chunks_exact(rows * cols * width).zip(batch) {
+                    let (down, right) = pass.offset;
+                    for col in passes.cols(band.start + row, bar.clone(), pass.offset) {
+                        let at = col - bar.start;
+                        let pixel = pass.pixel(margin + down + row, margin + right + at, rows, cols);
+                        let values = &image[pixel * width..][..width];
+                        for (sum, value) in sums[at * width..][..width].iter_mut().zip(values) {
                             *sum += f64::from(*value);
                         }
                     }
@@ -125,10 +161,11 @@ pub(super) fn means(
                 return Err(AnnotateError::Cancelled);
             }
         }
+        let count = passes.for_each_cell() as f64;
         for (row, sums) in band.clone().zip(sums.chunks_exact(bar.len() * width)) {
             let out = &mut means[(row * free.cols() + bar.start) * width..];
             for (mean, sum) in out.iter_mut().zip(sums) {
-                *mean = (sum / count as f64) as f32;
+                *mean = (sum / count) as f32;
             }
         }
     }
@@ -156,9 +193,39 @@ mod tests {
     fn a_window_is_seen_at_the_offset_of_its_first_cell() {
         let passes = Passes::as_in_windows([vec![-32, -31, -8], vec![5; 4]], 8);
         assert_eq!(passes.own, Some([vec![0, 7, 0], vec![3; 4]]));
-        assert_eq!(passes.offsets.iter().copied().collect::<std::collections::BTreeSet<_>>(), [(0, 3), (7, 3)].into());
+        let offsets: std::collections::BTreeSet<_> = passes.passes.iter().map(|pass| pass.offset).collect();
+        assert_eq!(offsets, [(0, 3), (7, 3)].into());
         assert_eq!(passes.cols(1, 1..3, (7, 3)).collect::<Vec<_>>(), [1, 2]);
         assert_eq!(passes.cols(1, 1..3, (0, 3)).count(), 0);
+    }
+
+    /// Turning a quarter to the left, say, shows the last column in the first row.
+    #[test]
+    fn transforms_show_every_cell_once() {
+        let (rows, cols) = (3, 4);
+        let all: std::collections::BTreeSet<Vec<usize>> = (0..8)
+            .map(|transform| {
+                let pass = Pass::new((0, 0), transform);
+                let pixels: Vec<usize> =
+                    (0..rows * cols).map(|cell| pass.pixel(cell / cols, cell % cols, rows, cols)).collect();
+                let mut sorted = pixels.clone();
+                sorted.sort_unstable();
+                assert_eq!(sorted, (0..rows * cols).collect::<Vec<_>>());
+                let [height, width] = pass.shape(rows, cols);
+                // Neighbors stay neighbors.
+                for (cell, pixel) in pixels.iter().enumerate().filter(|(cell, _)| cell % cols > 0) {
+                    let before = pixels[cell - 1];
+                    let (down, right) = (pixel / width, pixel % width);
+                    assert_eq!(down.abs_diff(before / width) + right.abs_diff(before % width), 1, "{transform}");
+                    assert!(down < height);
+                }
+                pixels
+            })
+            .collect();
+        assert_eq!(all.len(), 8);
+        let passes = Passes::mean_of(16, 8, true).passes;
+        assert_eq!(passes.iter().map(|pass| pass.transposed).collect::<Vec<_>>(), [[false; 8], [true; 8]].concat());
+        assert!(Passes::mean_of(16, 8, false).passes.iter().all(|pass| *pass == Pass::new(pass.offset, 0)));
     }
 
     #[test]

@@ -5,7 +5,8 @@
 //! network is fully convolutional: one pass over the whole map predicts all cells at once, each with its full
 //! surroundings in sight; what is left of a window's position is its offset modulo 8, because the paper's network halves
 //! its input three times, so the mean runs over some of these 64 offsets. Where only the middle of each window counts (one
-//! of the paper's ablations), exact mode gives the same numbers by such passes, and takes them.
+//! of the paper's ablations), exact mode gives the same numbers by such passes, and takes them. What a cell is told should
+//! not depend on how the map lies, so each pass of dense mode sees it in another of the eight transforms (`augment`).
 //!
 //! Held against visits on six generated maps (`pipelines/estimators.yaml`), dense mode over all 64 offsets is at least as
 //! good as exact mode at stride 1 in a twenty-fifth of the time (means of Spearman's rank correlation 0.657 and 0.617, of
@@ -21,6 +22,8 @@ mod windows;
 
 use super::geometry::Grid;
 use super::map::OccupancyMap;
+use super::rank::relative_to_mean;
+use super::unet::Outputs;
 
 pub use config::{AnnotateConfig, AnnotateError, AnnotateFields, Mode, ModeName, Normalize, Overlap, OverlapName};
 pub use predict::{Predict, Progress};
@@ -30,7 +33,9 @@ pub use predict::{Predict, Progress};
 pub struct Annotation {
     /// How much each cell is visited, 0 to 1; 0 in blocked cells.
     pub heat: Grid<f32>,
-    /// Mean probability of each class, class 0 (obstacle) first; 0 in blocked cells.
+    /// Expected number of people relative to the mean of the free cells, if the network says it; 0 in blocked cells.
+    pub density: Option<Grid<f32>>,
+    /// Mean probability of each class, class 0 (obstacle) first, 0 in blocked cells; none if the network says ranks.
     pub probabilities: Vec<Grid<f32>>,
 }
 
@@ -44,17 +49,17 @@ pub fn levels(classes: usize) -> Vec<f64> {
     std::iter::once(0.5 / count).chain((1..=classes).map(|class| class as f64 / count)).collect()
 }
 
-/// Annotates a map (algorithm 1) by a network for `classes` classes that was trained on windows of `window`² cells.
+/// Annotates a map (algorithm 1) by a network that was trained on windows of `window`² cells.
 ///
-/// A window's value at a cell is the sum of [level](levels) times probability over the classes; a cell's heat is the
-/// mean over what covers it, times the map. Sums run in a fixed order, whatever the number of threads.
+/// A window's value at a cell is the rank that the network says, or the sum of [level](levels) times probability over the
+/// classes; a cell's heat is the mean over what covers it, times the map. Densities are divided by their mean over the free
+/// cells. Sums run in a fixed order, whatever the number of threads.
 ///
 /// # Errors
 /// [`AnnotateError`] if a parameter is out of range or `progress` ended the work.
 pub fn annotate(
     map: &OccupancyMap,
     window: usize,
-    classes: usize,
     config: &AnnotateConfig,
     predict: &dyn Predict,
     progress: &mut Progress<'_>,
@@ -63,38 +68,60 @@ pub fn annotate(
     if !window.is_multiple_of(predict.period()) {
         return Err(AnnotateError::WindowOfNetwork { window, period: predict.period() });
     }
-    let free = map.free();
-    let means = match config.mode {
+    let means = means(map.free(), window, config, predict, progress)?;
+    let outputs = predict.outputs();
+    let grid = |of: &dyn Fn(&[f32]) -> f32| {
+        let cells = means.chunks_exact(outputs.count()).zip(map.free().as_slice());
+        let values = cells.map(|(cell, free)| if *free { of(cell) } else { 0.0 }).collect();
+        Grid::from_vec(map.free().rows(), map.free().cols(), values)
+    };
+    let mut annotation = match outputs {
+        Outputs::Classes(classes) => {
+            let levels = levels(classes.into());
+            let terms = |cell: &[f32]| cell.iter().zip(&levels).map(|(p, level)| f64::from(*p) * level).sum::<f64>();
+            let probabilities = (0..outputs.count()).map(|class| grid(&|cell| cell[class])).collect();
+            Annotation { heat: grid(&|cell| terms(cell) as f32), density: None, probabilities }
+        }
+        Outputs::Ranks { density } => {
+            let density = density.then(|| grid(&|cell| cell[1]));
+            let density = density.and_then(|density| relative_to_mean(&density, map.free()));
+            Annotation { heat: grid(&|cell| cell[0]), density, probabilities: Vec::new() }
+        }
+    };
+    if config.normalize == Normalize::Max {
+        let maximum = annotation.heat.as_slice().iter().fold(0.0, |a: f32, b| a.max(*b));
+        if maximum > 0.0 {
+            annotation.heat.as_mut_slice().iter_mut().for_each(|value| *value /= maximum);
+        }
+    }
+    Ok(annotation)
+}
+
+/// Computes the mean outputs of every cell, shape [rows, cols, outputs], over all that is said of it.
+fn means(
+    free: &Grid<bool>,
+    window: usize,
+    config: &AnnotateConfig,
+    predict: &dyn Predict,
+    progress: &mut Progress<'_>,
+) -> Result<Vec<f32>, AnnotateError> {
+    match config.mode {
         Mode::Exact(overlap) => {
             let slide = windows::Slide::new(window, overlap);
             match slide.as_passes(free, predict) {
-                Some(passes) => dense::means(free, classes, &passes, predict, progress)?,
-                None => windows::means(free, classes, &slide, predict, progress)?,
+                Some(passes) => dense::means(free, &passes, predict, progress),
+                None => windows::means(free, &slide, predict, progress),
             }
         }
-        Mode::Dense { offsets } => {
+        Mode::Dense { offsets, augment } => {
             let all = predict.period().pow(2);
             if offsets as usize > all {
                 return Err(AnnotateError::OffsetsOfNetwork { offsets, all });
             }
-            let passes = dense::Passes::mean_of(offsets as usize, predict.period());
-            dense::means(free, classes, &passes, predict, progress)?
-        }
-    };
-    let levels = levels(classes);
-    let value = |cell: &[f32]| cell.iter().zip(&levels).map(|(p, level)| f64::from(*p) * level).sum::<f64>() as f32;
-    let grid = |of: &dyn Fn(&[f32]) -> f32| {
-        let cells = means.chunks_exact(classes + 1).zip(free.as_slice());
-        Grid::from_vec(free.rows(), free.cols(), cells.map(|(cell, free)| if *free { of(cell) } else { 0.0 }).collect())
-    };
-    let mut heat = grid(&value);
-    if config.normalize == Normalize::Max {
-        let maximum = heat.as_slice().iter().fold(0.0, |a: f32, b| a.max(*b));
-        if maximum > 0.0 {
-            heat.as_mut_slice().iter_mut().for_each(|value| *value /= maximum);
+            let passes = dense::Passes::mean_of(offsets as usize, predict.period(), augment);
+            dense::means(free, &passes, predict, progress)
         }
     }
-    Ok(Annotation { heat, probabilities: (0..=classes).map(|class| grid(&|cell| cell[class])).collect() })
 }
 
 /// Computes the thresholds between classes that make the heat of free cells fall into classes of given shares (line 6).

@@ -2,15 +2,18 @@
 
 use std::ops::ControlFlow;
 
-use crate::domain::unet::Network;
+use crate::domain::unet::{Network, Outputs};
 
-/// What can tell the probabilities of classes in cells: a network.
+/// What can tell how much cells are visited: a network.
 pub trait Predict: Sync {
     /// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols], on all threads.
     ///
-    /// `out` gets the probabilities, shape [n, rows, cols, C + 1], class 0 the obstacle. Rows and columns are multiples of the
+    /// `out` gets the [outputs](Self::outputs), shape [n, rows, cols, outputs]. Rows and columns are multiples of the
     /// [period](Self::period).
     fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]);
+
+    /// Returns what the numbers are that it says of a cell.
+    fn outputs(&self) -> Outputs;
 
     /// Returns by how many cells an input must be shifted so that the prediction is shifted and nothing else.
     fn period(&self) -> usize;
@@ -25,6 +28,10 @@ pub trait Predict: Sync {
 impl Predict for Network {
     fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
         self.predict(images, rows, cols, n, out);
+    }
+
+    fn outputs(&self) -> Outputs {
+        self.outputs()
     }
 
     fn period(&self) -> usize {

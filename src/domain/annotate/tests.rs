@@ -4,6 +4,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use super::*;
 use crate::domain::geometry::{Cell, Frame};
 use crate::domain::random::Stream;
+use crate::domain::unet::Outputs;
 
 /// A predictor that needs no network: what it says of a cell depends on the cells around it and on where the cell lies
 /// in the image, as with zero padding.
@@ -36,6 +37,10 @@ impl Predict for Synthetic {
         synthetic(images, rows, cols, n, out);
     }
 
+    fn outputs(&self) -> Outputs {
+        Outputs::Classes(3)
+    }
+
     fn period(&self) -> usize {
         8
     }
@@ -63,11 +68,11 @@ fn exact(overlap: Overlap) -> AnnotateConfig {
 }
 
 fn dense(offsets: u32) -> AnnotateConfig {
-    AnnotateConfig { mode: Mode::Dense { offsets }, ..AnnotateConfig::default() }
+    AnnotateConfig { mode: Mode::Dense { offsets, augment: false }, ..AnnotateConfig::default() }
 }
 
 fn run(map: &OccupancyMap, window: usize, config: &AnnotateConfig) -> Annotation {
-    annotate(map, window, 3, config, &Synthetic::default(), &mut |_, _| ControlFlow::Continue(())).expect("in range")
+    annotate(map, window, config, &Synthetic::default(), &mut |_, _| ControlFlow::Continue(())).expect("in range")
 }
 
 /// Algorithm 1 read aloud: for each cell, every placement, one window at a time.
@@ -135,7 +140,7 @@ fn central_cells_agree_with_a_direct_computation() {
         let from = (64 - stride as usize).div_ceil(2);
         let center = |i: usize| (from..from + stride as usize).contains(&i);
         let predict = Synthetic::default();
-        let found = annotate(map, 64, 3, &config, &predict, &mut |_, _| ControlFlow::Continue(()));
+        let found = annotate(map, 64, &config, &predict, &mut |_, _| ControlFlow::Continue(()));
         assert_close(&found.expect("in range").heat, &slow(map, 64, stride as usize, |r, c| center(r) && center(c)));
         let (images, rows) = (predict.images.into_inner(), predict.rows.into_inner());
         assert_eq!((rows != 64).then_some(images), expected, "{stride}");
@@ -171,6 +176,57 @@ fn dense_mode_shows_every_cell_its_whole_surroundings() {
             let config = run(map, 8, &config).heat;
             assert_close(&config, &slow(map, 16, 1, |row, col| (row, col) == (8, 8)));
         }
+    }
+}
+
+/// Says as rank how far to the left the next blocked cell is (up to four cells), and as density one more.
+struct Leftward;
+
+impl Predict for Leftward {
+    fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
+        assert_eq!(images.len(), n * rows * cols);
+        for (cell, out) in out.chunks_exact_mut(2).enumerate() {
+            let (start, col) = (cell / cols * cols, cell % cols);
+            let far = (0..4.min(col)).take_while(|far| images[start + col - 1 - far] == 1).count();
+            out.copy_from_slice(&[far as f32 / 4.0, 1.0 + far as f32]);
+        }
+    }
+    fn outputs(&self) -> Outputs {
+        Outputs::Ranks { density: true }
+    }
+    fn period(&self) -> usize {
+        8
+    }
+    fn sight(&self) -> usize {
+        4
+    }
+    fn edge(&self) -> usize {
+        4
+    }
+}
+
+/// Eight passes, one in each transform: the mean of what is seen to the left, right, above and below, each twice.
+#[test]
+fn augmented_predictions_do_not_prefer_a_direction() {
+    for map in &maps() {
+        let config = AnnotateConfig { mode: Mode::Dense { offsets: 8, augment: true }, ..AnnotateConfig::default() };
+        let found = annotate(map, 8, &config, &Leftward, &mut |_, _| ControlFlow::Continue(())).expect("in range");
+        let far = |cell: Cell, step: (isize, isize)| {
+            let free = |k: isize| map.is_free(cell.row as isize + k * step.0, cell.col as isize + k * step.1);
+            (1..=4).take_while(|k| free(*k)).count() as f64
+        };
+        let expected = Grid::from_fn(map.free().rows(), map.free().cols(), |cell| {
+            let sum: f64 = [(0, -1), (0, 1), (-1, 0), (1, 0)].into_iter().map(|step| far(cell, step)).sum();
+            if map.free()[cell] { sum / 16.0 } else { 0.0 }
+        });
+        assert_close(&found.heat, &expected);
+        // Densities are 1 + 4 · rank in the mean, over the mean of that.
+        let free = map.free().cells().filter(|cell| map.free()[*cell]);
+        let (sum, count) = free.fold((0.0, 0.0), |(sum, count), cell| (sum + 1.0 + 4.0 * expected[cell], count + 1.0));
+        let relative = |cell| if map.free()[cell] { (1.0 + 4.0 * expected[cell]) / (sum / count) } else { 0.0 };
+        let density = Grid::from_fn(map.free().rows(), map.free().cols(), relative);
+        assert_close(found.density.as_ref().expect("it says densities"), &density);
+        assert!(found.probabilities.is_empty());
     }
 }
 
@@ -215,6 +271,9 @@ fn parameters_out_of_range_are_named() {
         fn images(&self, _: &[u8], _: usize, _: usize, _: usize, _: &mut [f32]) {
             unreachable!("the parameters are refused")
         }
+        fn outputs(&self) -> Outputs {
+            Outputs::Ranks { density: false }
+        }
         fn period(&self) -> usize {
             self.0
         }
@@ -226,7 +285,7 @@ fn parameters_out_of_range_are_named() {
         }
     }
     let refused = |period, window, config: AnnotateConfig| {
-        annotate(&maps()[0], window, 3, &config, &Other(period), &mut |_, _| ControlFlow::Continue(())).err()
+        annotate(&maps()[0], window, &config, &Other(period), &mut |_, _| ControlFlow::Continue(())).err()
     };
     assert_eq!(refused(32, 40, dense(1)), Some(AnnotateError::WindowOfNetwork { window: 40, period: 32 }));
     assert_eq!(refused(4, 40, dense(17)), Some(AnnotateError::OffsetsOfNetwork { offsets: 17, all: 16 }));
@@ -235,6 +294,6 @@ fn parameters_out_of_range_are_named() {
 #[test]
 fn progress_may_end_the_work() {
     let config = exact(Overlap::Full { stride: 8 });
-    let result = annotate(&maps()[0], 24, 3, &config, &Synthetic::default(), &mut |_, _| ControlFlow::Break(()));
+    let result = annotate(&maps()[0], 24, &config, &Synthetic::default(), &mut |_, _| ControlFlow::Break(()));
     assert_eq!(result, Err(AnnotateError::Cancelled));
 }

@@ -84,24 +84,23 @@ impl Slide {
     }
 }
 
-/// One row of the map in the making: sums of probabilities and, for each cell, how many windows cover it.
+/// One row of the map in the making: sums of outputs and, for each cell, how many windows cover it.
 struct Row {
     sums: Vec<f64>,
     counts: Vec<u32>,
 }
 
-/// Computes the mean probabilities of every cell, shape [rows, cols, C + 1], over the windows that count for it; cells
+/// Computes the mean outputs of every cell, shape [rows, cols, outputs], over the windows that count for it; cells
 /// that none covers get 0.
 ///
 /// Only the rows that the windows of a batch touch have sums: windows come from top to bottom.
 pub(super) fn means(
     free: &Grid<bool>,
-    classes: usize,
     slide: &Slide,
     predict: &dyn Predict,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<f32>, AnnotateError> {
-    let (size, width) = (slide.size, classes + 1);
+    let (size, width) = (slide.size, predict.outputs().count());
     let places = slide.places(free);
     let (mut windows, mut predicted) = (vec![0; BATCH * size * size], vec![0.0; BATCH * size * size * width]);
     let mut means = Vec::with_capacity(free.len() * width);

@@ -1,14 +1,18 @@
 //! Windows of maps and labels: cut, turned and mirrored, stitched back (sections IV-A and IV-C of the paper).
 
+mod target;
 mod transform;
+
+use std::ops::Range;
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{Cell, Grid};
 use super::map::OccupancyMap;
-use super::quantize::{ClassCounts, Labels, OBSTACLE};
+use super::quantize::OBSTACLE;
 
+pub use target::{Known, NO_RANK, Ranks, Target};
 pub use transform::Transform;
 
 /// Parameters of cutting maps into windows.
@@ -46,6 +50,8 @@ pub enum TileError {
     SizeMismatch { map: String, rows: usize, cols: usize, map_rows: usize, map_cols: usize },
     #[error("the labels of map `{map}` have {found} classes, those of the maps before it {classes}")]
     ClassMismatch { map: String, found: u8, classes: u8 },
+    #[error("of map `{0}` something else is known than of the maps before it")]
+    KnownMismatch(String),
     #[error("no window has `min_labeled` = {0} labeled cells")]
     NoWindow(u32),
     #[error("the windows of map `{map}` contradict each other at row {row}, column {col}")]
@@ -72,15 +78,15 @@ impl TileConfig {
     }
 }
 
-/// A map to be cut, with its labels.
+/// A map to be cut, with what is to be learned of it.
 #[derive(Debug, Clone, Copy)]
 pub struct LabeledMap<'a> {
     /// Name of the map.
     pub name: &'a str,
     /// Its free cells.
     pub map: &'a OccupancyMap,
-    /// The classes of its cells.
-    pub labels: &'a Labels,
+    /// What is known of its cells.
+    pub known: Known<'a>,
 }
 
 /// Square windows of some maps; every window is stored once, as it lies on its map.
@@ -88,16 +94,14 @@ pub struct LabeledMap<'a> {
 pub struct Tiles {
     /// Edge of a window in cells.
     pub size: usize,
-    /// Number of classes C.
-    pub classes: u8,
     /// Names of the maps.
     pub maps: Vec<String>,
     /// For each window the index of its map and the row and column of its top left cell, which may be negative.
     pub origin: Vec<(u32, i32, i32)>,
     /// 1 for free and 0 for blocked cells; shape [windows, size, size].
     pub occupancy: Vec<u8>,
-    /// −1 for unlabeled cells, 0 for blocked ones, else the class 1 to C; shape [windows, size, size].
-    pub labels: Vec<i8>,
+    /// What is to be learned of the cells; shape [windows, size, size].
+    pub target: Target,
     /// For each window the share of its cells that are labeled.
     pub labeled_share: Vec<f32>,
 }
@@ -133,16 +137,11 @@ impl Tiles {
         &self.occupancy[window * self.size * self.size..][..self.size * self.size]
     }
 
-    /// Returns the labels of one window in row-major order.
+    /// Returns where the cells of one window lie in the values of the [target](Self::target).
     #[must_use]
-    pub fn labels_of(&self, window: usize) -> &[i8] {
-        &self.labels[window * self.size * self.size..][..self.size * self.size]
-    }
-
-    /// Counts the cells of each class over all stored windows, padding as obstacle; transforms do not change shares.
-    #[must_use]
-    pub fn class_counts(&self) -> ClassCounts {
-        ClassCounts::of(self.classes, &self.labels)
+    pub const fn cells_of(&self, window: usize) -> Range<usize> {
+        let cells = self.size * self.size;
+        window * cells..(window + 1) * cells
     }
 
     /// Puts the windows of one map back where they were cut from.
@@ -154,18 +153,18 @@ impl Tiles {
     /// If `map` is not the index of one of [`maps`](Self::maps).
     pub fn stitch(&self, map: usize, rows: usize, cols: usize) -> Result<Stitched, TileError> {
         let name = &self.maps[map];
-        let mut cells: Grid<Option<(bool, i8)>> = Grid::filled(rows, cols, None);
+        let mut cells: Grid<Option<(bool, f32)>> = Grid::filled(rows, cols, None);
         for (window, &(of, top, left)) in self.origin.iter().enumerate() {
             if of as usize != map {
                 continue;
             }
-            for (i, (free, label)) in self.occupancy_of(window).iter().zip(self.labels_of(window)).enumerate() {
+            for (i, (free, cell)) in self.occupancy_of(window).iter().zip(self.cells_of(window)).enumerate() {
                 let (row, col) = (top as isize + (i / self.size) as isize, left as isize + (i % self.size) as isize);
-                let value = (*free == 1, *label);
+                let value = (*free == 1, self.target.value(cell));
                 let agrees = if cells.get(row, col).is_some() {
                     *cells[Cell::new(row as usize, col as usize)].get_or_insert(value) == value
                 } else {
-                    value == (false, OBSTACLE)
+                    value == (false, self.target.padding())
                 };
                 if !agrees {
                     let (row, col) = (row.max(0) as usize, col.max(0) as usize);
@@ -173,17 +172,17 @@ impl Tiles {
                 }
             }
         }
-        Ok(Stitched { free: cells.map(|c| c.map(|c| c.0)), labels: cells.map(|c| c.map(|c| c.1)) })
+        Ok(Stitched { free: cells.map(|c| c.map(|c| c.0)), target: cells.map(|c| c.map(|c| c.1)) })
     }
 }
 
 /// A map as its windows show it; `None` where none of them reaches.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Stitched {
     /// Whether a cell is free.
     pub free: Grid<Option<bool>>,
-    /// Label of a cell.
-    pub labels: Grid<Option<i8>>,
+    /// Class or rank of a cell.
+    pub target: Grid<Option<f32>>,
 }
 
 /// Cuts maps into overlapping windows.
@@ -197,40 +196,45 @@ pub struct Stitched {
 /// [`TileError`] if a parameter is out of range, labels do not fit their map or the maps before, or no window is left.
 pub fn cut(maps: &[LabeledMap<'_>], config: &TileConfig) -> Result<Tiles, TileError> {
     config.check()?;
+    let Some(first) = maps.first() else { return Err(TileError::NoWindow(config.min_labeled)) };
     let mut tiles = Tiles {
         size: config.size as usize,
-        classes: maps.first().map_or(0, |map| map.labels.count),
         maps: maps.iter().map(|map| map.name.to_owned()).collect(),
         origin: Vec::new(),
         occupancy: Vec::new(),
-        labels: Vec::new(),
+        target: first.known.empty_target(),
         labeled_share: Vec::new(),
     };
     for (index, labeled) in maps.iter().enumerate() {
-        let (free, labels) = (labeled.map.free(), &labeled.labels.classes);
-        if (labels.rows(), labels.cols()) != (free.rows(), free.cols()) {
-            return Err(TileError::SizeMismatch {
-                map: labeled.name.to_owned(),
-                rows: labels.rows(),
-                cols: labels.cols(),
-                map_rows: free.rows(),
-                map_cols: free.cols(),
-            });
+        let (free, (rows, cols)) = (labeled.map.free(), labeled.known.size());
+        if (rows, cols) != (free.rows(), free.cols()) {
+            let (map, map_rows, map_cols) = (labeled.name.to_owned(), free.rows(), free.cols());
+            return Err(TileError::SizeMismatch { map, rows, cols, map_rows, map_cols });
         }
-        if labeled.labels.count != tiles.classes {
-            let (found, classes) = (labeled.labels.count, tiles.classes);
-            return Err(TileError::ClassMismatch { map: labeled.name.to_owned(), found, classes });
-        }
+        check_alike(&first.known, labeled)?;
         let index = u32::try_from(index).expect("fewer than 2³² maps");
         cut_map(&mut tiles, index, labeled, config);
     }
     if tiles.is_empty() { Err(TileError::NoWindow(config.min_labeled)) } else { Ok(tiles) }
 }
 
+/// Checks that of a map the same is known as of the first.
+fn check_alike(first: &Known<'_>, labeled: &LabeledMap<'_>) -> Result<(), TileError> {
+    let map = || labeled.name.to_owned();
+    match (first, &labeled.known) {
+        (Known::Classes(first), Known::Classes(labels)) if first.count != labels.count => {
+            Err(TileError::ClassMismatch { map: map(), found: labels.count, classes: first.count })
+        }
+        (Known::Classes(_), Known::Classes(_)) => Ok(()),
+        (Known::Ranks(first), Known::Ranks(ranks)) if first.density.is_some() == ranks.density.is_some() => Ok(()),
+        _ => Err(TileError::KnownMismatch(map())),
+    }
+}
+
 fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &TileConfig) {
-    let (free, labels) = (labeled.map.free(), &labeled.labels.classes);
+    let free = labeled.map.free();
     let free_cells = Sums::new(free, |free| *free);
-    let labeled_cells = Sums::new(labels, |label| *label > OBSTACLE);
+    let labeled_cells = Sums::new(&labeled.known.labeled(), |labeled| *labeled);
     let (size, stride) = (i64::from(config.size), i64::from(config.stride));
     // The first multiple of the stride at which a window still reaches the map.
     let first = -((size - 1) / stride * stride);
@@ -244,7 +248,18 @@ fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &Til
             tiles.origin.push((index, top as i32, left as i32));
             tiles.labeled_share.push(count as f32 / (size * size) as f32);
             push_window(&mut tiles.occupancy, free, top, left, size, 0, |free| u8::from(*free));
-            push_window(&mut tiles.labels, labels, top, left, size, OBSTACLE, |label| *label);
+            match (&mut tiles.target, labeled.known) {
+                (Target::Classes { labels, .. }, Known::Classes(known)) => {
+                    push_window(labels, &known.classes, top, left, size, OBSTACLE, |label| *label);
+                }
+                (Target::Ranks { rank, density }, Known::Ranks(known)) => {
+                    push_window(rank, &known.rank, top, left, size, NO_RANK, |rank| *rank);
+                    if let (Some(density), Some(known)) = (density, &known.density) {
+                        push_window(density, known, top, left, size, 0.0, |density| *density);
+                    }
+                }
+                _ => unreachable!("of all maps the same is known"),
+            }
         }
     }
 }
@@ -300,6 +315,7 @@ impl Sums {
 mod tests {
     use super::*;
     use crate::domain::geometry::Frame;
+    use crate::domain::quantize::{ClassCounts, Labels};
     use crate::domain::random::Stream;
     use proptest::prelude::*;
 
@@ -317,31 +333,32 @@ mod tests {
         let (map, labels) = random_map(3, 9, 1);
         let labels = Labels { classes: labels.classes.map(|_| 2), ..labels };
         let map = OccupancyMap::new(map.free().map(|_| true), *map.frame()).expect("all free");
-        let maps = [LabeledMap { name: "strip", map: &map, labels: &labels }];
+        let maps = [LabeledMap { name: "strip", map: &map, known: Known::Classes(&labels) }];
         let tiles = cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1 }).expect("windows");
         let expected: Vec<_> = [-4, 0].iter().flat_map(|r| [-4, 0, 4, 8].map(|c| (0u32, *r, c))).collect();
         assert_eq!(tiles.origin, expected);
         // The last one of the first row holds the map's last column in its first one, rows 0 to 2 from its row 4 on.
-        let set: Vec<usize> = (0..64).filter(|i| tiles.labels_of(3)[*i] == 2).collect();
+        let set: Vec<usize> = (0..64).filter(|i| tiles.target.value(3 * 64 + i) == 2.0).collect();
         assert_eq!(set, [32, 40, 48]);
         assert_eq!(tiles.labeled_share[3], 3.0 / 64.0);
         assert_eq!(tiles.samples(), 64);
         assert_eq!(tiles.sample(63), (7, Transform::AntiTranspose));
         // Every cell of the map is in four windows.
         assert_eq!(
-            tiles.class_counts(),
-            ClassCounts { obstacle: 8 * 64 - 4 * 27, classes: vec![0, 4 * 27, 0], unlabeled: 0 }
+            tiles.target.class_counts(),
+            Some(ClassCounts { obstacle: 8 * 64 - 4 * 27, classes: vec![0, 4 * 27, 0], unlabeled: 0 })
         );
     }
 
     #[test]
     fn windows_without_enough_labels_are_dropped() {
         let (map, labels) = random_map(20, 20, 2);
-        let maps = [LabeledMap { name: "a", map: &map, labels: &labels }];
+        let maps = [LabeledMap { name: "a", map: &map, known: Known::Classes(&labels) }];
         let config = TileConfig { size: 8, stride: 1, min_labeled: 40 };
         let tiles = cut(&maps, &config).expect("windows");
         let all = cut(&maps, &TileConfig { min_labeled: 1, ..config.clone() }).expect("windows");
-        let labeled = |tiles: &Tiles, window| tiles.labels_of(window).iter().filter(|l| **l > 0).count();
+        let labeled =
+            |tiles: &Tiles, window| tiles.cells_of(window).filter(|cell| tiles.target.value(*cell) > 0.0).count();
         assert!((0..tiles.len()).all(|window| labeled(&tiles, window) >= 40));
         assert_eq!((0..all.len()).filter(|window| labeled(&all, *window) >= 40).count(), tiles.len());
         assert!(tiles.len() < all.len());
@@ -349,6 +366,30 @@ mod tests {
             assert_eq!(all.labeled_share[window], labeled(&all, window) as f32 / 64.0);
         }
         assert_eq!(cut(&maps, &TileConfig { min_labeled: 64, ..config }), Err(TileError::NoWindow(64)));
+    }
+
+    #[test]
+    fn ranks_are_cut_where_cells_are_free() {
+        let free = Grid::from_fn(5, 6, |cell| cell.col != 2);
+        let rank =
+            Grid::from_fn(5, 6, |cell| if free[cell] { (cell.row * 6 + cell.col) as f32 / 30.0 } else { NO_RANK });
+        let map = OccupancyMap::new(free, Frame::at_zero(0.1, 5, 6)).expect("free cells");
+        let known = |density: Option<Grid<f32>>| Ranks { rank: rank.clone(), density };
+        let (plain, dense) = (known(None), known(Some(rank.map(|rank| 2.0 * rank.max(0.0)))));
+        let labeled = |name, known| LabeledMap { name, map: &map, known: Known::Ranks(known) };
+        let config = TileConfig { size: 8, stride: 8, min_labeled: 1 };
+        let tiles = cut(&[labeled("a", &dense), labeled("b", &dense)], &config).expect("windows");
+        // Windows at −0 only: the map is smaller than one.
+        assert_eq!(tiles.origin, [(0, 0, 0), (1, 0, 0)]);
+        assert_eq!(tiles.labeled_share, [25.0 / 64.0; 2]);
+        let Target::Ranks { rank, density: Some(density) } = &tiles.target else { panic!("ranks and densities") };
+        assert_eq!((rank[8 + 1], density[8 + 1]), (7.0 / 30.0, 14.0 / 30.0));
+        // Blocked, and beyond the map.
+        assert_eq!((rank[2], density[2], rank[6], density[6]), (NO_RANK, 0.0, NO_RANK, 0.0));
+        let stitched = tiles.stitch(1, 5, 6).expect("windows agree");
+        assert_eq!(stitched.target[Cell::new(4, 5)], Some(29.0 / 30.0));
+        let error = cut(&[labeled("a", &dense), labeled("b", &plain)], &config).expect_err("one has no density");
+        assert_eq!(error, TileError::KnownMismatch("b".to_owned()));
     }
 
     #[test]
@@ -364,10 +405,11 @@ mod tests {
     #[test]
     fn contradicting_windows_do_not_stitch() {
         let (map, labels) = random_map(10, 10, 3);
-        let maps = [LabeledMap { name: "a", map: &map, labels: &labels }];
+        let maps = [LabeledMap { name: "a", map: &map, known: Known::Classes(&labels) }];
         let mut tiles = cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1 }).expect("windows");
         let window = tiles.origin.iter().position(|origin| *origin == (0, 0, 0)).expect("a window at the corner");
-        tiles.labels[window * 64 + 8 * 5 + 6] ^= 1;
+        let Target::Classes { labels, .. } = &mut tiles.target else { unreachable!("they were cut from classes") };
+        labels[window * 64 + 8 * 5 + 6] ^= 1;
         let error = tiles.stitch(0, 10, 10).expect_err("a contradiction");
         assert_eq!(error.to_string(), "the windows of map `a` contradict each other at row 5, column 6");
     }
@@ -378,20 +420,20 @@ mod tests {
             sizes in prop::collection::vec((1usize..40, 1usize..40), 1..3), stride in 1u32..=8, seed in 0u64..1000,
         ) {
             let parts: Vec<_> = sizes.iter().map(|(rows, cols)| random_map(*rows, *cols, seed)).collect();
-            let maps: Vec<_> = parts.iter().map(|(map, labels)| LabeledMap { name: "m", map, labels }).collect();
+            let maps: Vec<_> = parts.iter().map(|(map, labels)| LabeledMap { name: "m", map, known: Known::Classes(labels) }).collect();
             let tiles = cut(&maps, &TileConfig { size: 8, stride, min_labeled: 1 }).expect("one labeled cell each");
             for (index, (map, labels)) in parts.iter().enumerate() {
                 let (rows, cols) = (map.free().rows(), map.free().cols());
                 let stitched = tiles.stitch(index, rows, cols).expect("windows agree");
                 for cell in map.free().cells() {
                     prop_assert!(stitched.free[cell].is_none_or(|free| free == map.free()[cell]));
-                    prop_assert!(stitched.labels[cell].is_none_or(|label| label == labels.classes[cell]));
+                    prop_assert!(stitched.target[cell].is_none_or(|label| label == f32::from(labels.classes[cell])));
                     // What was dropped has no label to lose.
-                    prop_assert!(stitched.labels[cell].is_some() || labels.classes[cell] <= 0);
+                    prop_assert!(stitched.target[cell].is_some() || labels.classes[cell] <= 0);
                 }
             }
             prop_assert_eq!(tiles.occupancy.len(), tiles.len() * 64);
-            prop_assert_eq!(tiles.labels.len(), tiles.len() * 64);
+            prop_assert_eq!(tiles.target.len(), tiles.len() * 64);
         }
     }
 }

@@ -81,7 +81,9 @@ impl Architecture {
     pub fn check(&self) -> Result<(), UnetError> {
         let Self { widths, convolutions } = self;
         let levels = (FEWEST_LEVELS..=MOST_LEVELS).contains(&widths.len());
-        if !levels || widths.iter().any(|width| *width == 0 || *width > WIDEST || *width as usize % LANES != 0) {
+        if !levels
+            || widths.iter().any(|width| *width == 0 || *width > WIDEST || !(*width as usize).is_multiple_of(LANES))
+        {
             let allowed = "3 to 6 levels, each a multiple of 16 up to 512";
             return Err(UnetError::Range { field: "network.widths", value: format!("{widths:?}"), allowed });
         }

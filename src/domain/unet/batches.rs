@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::domain::random::Stream;
-use crate::domain::tiles::Tiles;
+use crate::domain::tiles::{Target, Tiles, Transform};
 
 /// The order of an epoch's samples: each window in each of its eight transforms once.
 #[derive(Debug, Clone)]
@@ -28,21 +28,27 @@ impl Order {
 }
 
 /// Samples as the network takes them; its buffers are filled again and again.
-#[derive(Debug, Clone, Default)]
+#[derive(Debug, Clone)]
 pub struct Batch {
     /// Edge of a window in cells.
     pub size: usize,
     /// 1 for free and 0 for blocked cells; shape [samples, size, size].
     pub occupancy: Vec<u8>,
-    /// −1 for unlabeled cells, else the class; shape [samples, size, size].
-    pub labels: Vec<i8>,
+    /// What is to be learned; shape [samples, size, size].
+    pub target: Target,
 }
 
 impl Batch {
+    /// Makes a batch without samples of some tiles.
+    #[must_use]
+    pub fn of(tiles: &Tiles) -> Self {
+        Self { size: tiles.size, occupancy: Vec::new(), target: tiles.target.emptied() }
+    }
+
     /// Returns the number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.labels.len() / (self.size * self.size).max(1)
+        self.occupancy.len() / (self.size * self.size).max(1)
     }
 
     /// Tells whether there are no samples.
@@ -51,19 +57,36 @@ impl Batch {
         self.len() == 0
     }
 
-    /// Fills the batch with samples, turning and mirroring their windows on the way.
+    /// Fills the batch with samples of the tiles that it was made of, turning and mirroring their windows on the way.
+    ///
+    /// # Panics
+    /// If the tiles have another target.
     pub fn fill(&mut self, tiles: &Tiles, samples: &[u32]) {
-        let cells = tiles.size * tiles.size;
         self.size = tiles.size;
-        self.occupancy.resize(samples.len() * cells, 0);
-        self.labels.resize(samples.len() * cells, 0);
-        let windows = self.occupancy.par_chunks_exact_mut(cells).zip(self.labels.par_chunks_exact_mut(cells));
-        windows.zip(samples).for_each(|((occupancy, labels), sample)| {
-            let (window, transform) = tiles.sample(*sample as usize);
-            transform.apply(tiles.size, tiles.occupancy_of(window), occupancy);
-            transform.apply(tiles.size, tiles.labels_of(window), labels);
-        });
+        let samples: Vec<_> = samples.iter().map(|sample| tiles.sample(*sample as usize)).collect();
+        turn(&mut self.occupancy, &tiles.occupancy, tiles.size, &samples);
+        match (&mut self.target, &tiles.target) {
+            (Target::Classes { labels, .. }, Target::Classes { labels: all, .. }) => {
+                turn(labels, all, tiles.size, &samples);
+            }
+            (Target::Ranks { rank, density }, Target::Ranks { rank: all_ranks, density: all_densities }) => {
+                turn(rank, all_ranks, tiles.size, &samples);
+                if let (Some(density), Some(all)) = (density, all_densities) {
+                    turn(density, all, tiles.size, &samples);
+                }
+            }
+            _ => unreachable!("a batch has the target of its tiles"),
+        }
     }
+}
+
+/// Copies windows, each turned and mirrored by its transform.
+fn turn<T: Copy + Default + Send + Sync>(out: &mut Vec<T>, all: &[T], size: usize, samples: &[(usize, Transform)]) {
+    let cells = size * size;
+    out.resize(samples.len() * cells, T::default());
+    out.par_chunks_exact_mut(cells).zip(samples).for_each(|(out, (window, transform))| {
+        transform.apply(size, &all[window * cells..][..cells], out);
+    });
 }
 
 #[cfg(test)]
@@ -75,11 +98,10 @@ mod tests {
         let cells = 2 * 64;
         Tiles {
             size: 8,
-            classes: 3,
             maps: vec!["hall".to_owned()],
             origin: vec![(0, 0, 0), (0, 0, 8)],
             occupancy: (0..cells).map(|i| u8::from(i % 3 == 0)).collect(),
-            labels: (0..cells).map(|i| (i % 5) as i8 - 1).collect(),
+            target: Target::Classes { classes: 3, labels: (0..cells).map(|i| (i % 5) as i8 - 1).collect() },
             labeled_share: vec![0.6; 2],
         }
     }
@@ -96,17 +118,38 @@ mod tests {
     }
 
     #[test]
-    fn windows_and_labels_are_turned_together() {
-        let (tiles, mut batch) = (tiles(), Batch::default());
-        batch.fill(&tiles, &[0, 9, 15]);
-        batch.fill(&tiles, &[11, 6]);
-        assert_eq!(batch.len(), 2);
+    fn windows_and_what_is_known_of_them_are_turned_together() {
+        let classes = tiles();
+        let numbers = |factor: f32| (0..2 * 64).map(|i| i as f32 * factor).collect::<Vec<f32>>();
+        let (rank, density) = (numbers(0.001), numbers(2.0));
+        let ranks =
+            Tiles { target: Target::Ranks { rank: rank.clone(), density: Some(density.clone()) }, ..classes.clone() };
+        let Target::Classes { labels: all, .. } = &classes.target else { unreachable!("made of classes") };
+        let (mut labeled, mut ranked) = (Batch::of(&classes), Batch::of(&ranks));
+        for (batch, tiles) in [(&mut labeled, &classes), (&mut ranked, &ranks)] {
+            batch.fill(tiles, &[0, 9, 15]);
+            batch.fill(tiles, &[11, 6]);
+            assert_eq!((batch.len(), batch.target.len()), (2, 128));
+        }
+        let turned = |all: &[f32], window: usize, transform: Transform| {
+            let mut out = [0.0; 64];
+            transform.apply(8, &all[window * 64..][..64], &mut out);
+            out
+        };
         for (i, (window, transform)) in [(1, Transform::ALL[3]), (0, Transform::ALL[6])].into_iter().enumerate() {
             let (mut occupancy, mut labels) = ([0; 64], [0; 64]);
-            transform.apply(8, tiles.occupancy_of(window), &mut occupancy);
-            transform.apply(8, tiles.labels_of(window), &mut labels);
-            assert_eq!(batch.occupancy[i * 64..][..64], occupancy);
-            assert_eq!(batch.labels[i * 64..][..64], labels);
+            transform.apply(8, classes.occupancy_of(window), &mut occupancy);
+            transform.apply(8, &all[window * 64..][..64], &mut labels);
+            let part = i * 64..(i + 1) * 64;
+            assert_eq!(
+                (&labeled.occupancy[part.clone()], &ranked.occupancy[part.clone()]),
+                (&occupancy[..], &occupancy[..])
+            );
+            let Target::Classes { labels: found, .. } = &labeled.target else { panic!("classes") };
+            assert_eq!(found[part.clone()], labels);
+            let Target::Ranks { rank: found, density: Some(densities) } = &ranked.target else { panic!("ranks") };
+            assert_eq!(found[part.clone()], turned(&rank, window, transform));
+            assert_eq!(densities[part], turned(&density, window, transform));
         }
     }
 }

@@ -1,16 +1,19 @@
 //! One step of learning: the loss of a batch, its gradient, and Adam.
 
 use burn::optim::{Adam, AdamConfig, AdamState, AdaptiveMomentumState, Optimizer};
+use burn::tensor::activation::sigmoid;
 use burn::tensor::{Int, Tensor, TensorData};
 
 use super::architecture::Architecture;
 use super::batches::Batch;
 use super::compute::Compute;
 use super::layers::{Array, Arrays, Layers};
-use super::loss::weighted_cross_entropy;
+use super::loss::{rank_loss, weighted_cross_entropy};
 use super::model::{self, UNet};
+use super::outputs::Outputs;
 use super::tally::Tally;
 use super::{UnetError, ops};
+use crate::domain::tiles::Target;
 
 /// Adam's decay of the mean of gradients.
 const BETA_1: f32 = 0.9;
@@ -23,9 +26,9 @@ const EPSILON: f32 = 1e-8;
 pub(super) struct Learner {
     compute: Compute,
     layers: Layers,
-    /// Weight of each class in the loss, class 0 first.
+    outputs: Outputs,
+    /// Weight of each class in the loss, class 0 first; none for ranks.
     weights: Vec<f32>,
-    learning_rate: f64,
     parameters: Tensor<1>,
     adam: Adam,
     moments: Option<AdamState<1>>,
@@ -33,23 +36,23 @@ pub(super) struct Learner {
 }
 
 impl Learner {
-    /// Draws a new network.
+    /// Draws a new network; classes have one of `weights` each.
     pub(super) fn new(
         architecture: &Architecture,
+        outputs: Outputs,
         compute: &Compute,
         weights: Vec<f32>,
-        learning_rate: f64,
         seed: u64,
     ) -> Self {
-        let layers = Layers::new(architecture, weights.len());
+        let layers = Layers::new(architecture, outputs.count());
         let parameters = UNet::init(&layers, seed, compute.device()).parameters();
         let adam = AdamConfig::new().with_beta_1(BETA_1).with_beta_2(BETA_2).with_epsilon(EPSILON).build();
         Self {
-            pass: ops::SharedPass::new(&layers),
+            pass: ops::SharedPass::new(&layers, outputs),
             compute: compute.clone(),
             layers,
+            outputs,
             weights,
-            learning_rate,
             parameters: parameters.set_require_grad(false),
             adam,
             moments: None,
@@ -93,18 +96,17 @@ impl Learner {
         arrays
     }
 
-    /// Takes one step on a batch; returns the loss before it and what was predicted.
-    pub(super) fn learn(&mut self, batch: &Batch) -> (f64, Tally) {
+    /// Takes one step on a batch; returns the loss before it and how well was predicted.
+    pub(super) fn learn(&mut self, batch: &Batch, learning_rate: f64) -> (f64, Tally) {
         let (loss, gradient, tally) = self.gradient(batch);
         if loss.is_finite() {
             let parameters = self.parameters.clone();
-            (self.parameters, self.moments) =
-                self.adam.step(self.learning_rate, parameters, gradient, self.moments.take());
+            (self.parameters, self.moments) = self.adam.step(learning_rate, parameters, gradient, self.moments.take());
         }
         (loss, tally)
     }
 
-    /// Computes the loss of a batch, its gradient, and what was predicted.
+    /// Computes the loss of a batch, its gradient, and how well was predicted.
     pub(super) fn gradient(&self, batch: &Batch) -> (f64, Tensor<1>, Tally) {
         let tracked = self.parameters.clone().autodiff().require_grad();
         let (loss, tally) = match self.compute.kernels() {
@@ -117,24 +119,45 @@ impl Learner {
     }
 
     fn plain_loss(&self, parameters: &Tensor<1>, batch: &Batch) -> (Tensor<1>, Tally) {
-        let device = self.compute.device();
         let shape = [batch.len(), 1, batch.size, batch.size];
-        let occupancy: Vec<f32> = batch.occupancy.iter().map(|free| f32::from(*free)).collect();
-        let labels: Vec<i32> = batch.labels.iter().map(|label| i32::from(*label).max(0)).collect();
-        let weight = |label: &i8| usize::try_from(*label).map_or(0.0, |label| self.weights[label]);
-        let weights: Vec<f32> = batch.labels.iter().map(weight).collect();
-        let occupancy = Tensor::from_data(TensorData::new(occupancy, shape), device);
-        let labels = Tensor::<4, Int>::from_data(TensorData::new(labels, shape), device);
-        let weights = Tensor::from_data(TensorData::new(weights, shape), device);
+        let tensor = |values: Vec<f32>| Tensor::<4>::from_data(TensorData::new(values, shape), self.compute.device());
+        let occupancy = tensor(batch.occupancy.iter().map(|free| f32::from(*free)).collect());
         let logits = model::logits(&self.layers, parameters, &occupancy);
+        match &batch.target {
+            Target::Classes { labels, .. } => {
+                let tally = self.tally_classes(&logits, labels);
+                let weight = |label: &i8| usize::try_from(*label).map_or(0.0, |label| self.weights[label]);
+                let weights = tensor(labels.iter().map(weight).collect());
+                let labels: Vec<i32> = labels.iter().map(|label| i32::from(*label).max(0)).collect();
+                let labels = Tensor::<4, Int>::from_data(TensorData::new(labels, shape), self.compute.device());
+                (weighted_cross_entropy(logits, labels, weights), tally)
+            }
+            Target::Ranks { rank, density } => {
+                let tally = self.tally_ranks(&logits, rank);
+                let free = tensor(rank.iter().map(|rank| f32::from(u8::from(*rank >= 0.0))).collect());
+                let density = density.as_ref().map(|density| tensor(density.clone()));
+                (rank_loss(logits, tensor(rank.clone()), density, free), tally)
+            }
+        }
+    }
+
+    fn tally_classes(&self, logits: &Tensor<4>, labels: &[i8]) -> Tally {
         let predicted = logits.clone().inner().argmax(1).into_data_as::<i32>().try_into_vec::<i32>().expect("integers");
-        let mut tally = Tally::new(self.weights.len() - 1);
-        for (label, predicted) in batch.labels.iter().zip(predicted) {
+        let mut tally = Tally::new(self.outputs.count());
+        for (label, predicted) in labels.iter().zip(predicted) {
             if let Ok(label) = usize::try_from(*label) {
                 tally.count(label, predicted as usize);
             }
         }
-        (weighted_cross_entropy(logits, labels, weights), tally)
+        tally
+    }
+
+    fn tally_ranks(&self, logits: &Tensor<4>, rank: &[f32]) -> Tally {
+        let predicted = sigmoid(logits.clone().inner().narrow(1, 0, 1));
+        let predicted = predicted.into_data().try_into_vec::<f32>().expect("floats");
+        let ranked = || rank.iter().zip(&predicted).filter(|(rank, _)| **rank >= 0.0);
+        let error = ranked().map(|(rank, predicted)| f64::from((rank - predicted).abs())).sum();
+        Tally { ranked: ranked().count() as u64, error, ..Tally::default() }
     }
 }
 

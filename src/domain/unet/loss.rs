@@ -1,6 +1,6 @@
-//! The loss of the network (eq. 4), in burn's own operations.
+//! The losses of the network (eq. 4, and that of ranks), in burn's own operations.
 
-use burn::tensor::activation::log_softmax;
+use burn::tensor::activation::{log_sigmoid, log_softmax};
 use burn::tensor::{Int, Tensor};
 
 /// Computes the weighted cross-entropy of a batch: the weighted sum over its pixels, divided by the sum of the weights.
@@ -15,6 +15,30 @@ pub fn weighted_cross_entropy(logits: Tensor<4>, labels: Tensor<4, Int>, weights
     let log_likelihood = log_softmax(logits, 1).gather(1, labels);
     let total = weights.clone().sum().clamp_min(f32::MIN_POSITIVE);
     (log_likelihood * weights).sum().neg() / total
+}
+
+/// Weight of the loss of densities beside that of ranks.
+pub const DENSITY_WEIGHT: f32 = 0.1;
+
+/// Logits of densities are cut off at so much from zero.
+pub const DENSITY_LOGIT: f32 = 12.0;
+
+/// Computes the loss of ranks (and densities) of a batch: its mean over the free cells.
+///
+/// `logits` [batch, 1 or 2, rows, columns]; `rank` [batch, 1, rows, columns] from 0 to 1, and anything where `free`, of the
+/// same shape, is 0 and not 1. A rank r is taken as a probability, and its loss with the logit z is the cross-entropy
+/// −r ln σ(z) − (1 − r) ln σ(−z). A density d has the loss of Poisson regression, e^z − d z, times [`DENSITY_WEIGHT`].
+#[must_use]
+pub fn rank_loss(logits: Tensor<4>, rank: Tensor<4>, density: Option<Tensor<4>>, free: Tensor<4>) -> Tensor<1> {
+    let total = free.clone().sum().clamp_min(1.0);
+    let z = logits.clone().narrow(1, 0, 1);
+    let likelihood = rank.clone() * log_sigmoid(z.clone()) + (rank.neg() + 1.0) * log_sigmoid(z.neg());
+    let mut loss = likelihood.neg();
+    if let Some(density) = density {
+        let z = logits.narrow(1, 1, 1).clamp(-DENSITY_LOGIT, DENSITY_LOGIT);
+        loss = loss + (z.clone().exp() - density * z) * DENSITY_WEIGHT;
+    }
+    (loss * free).sum() / total
 }
 
 #[cfg(test)]
@@ -49,5 +73,25 @@ mod tests {
             Tensor::zeros([1, 1, 2, 2], &device),
         );
         assert_eq!(loss.into_scalar::<f32>(), 0.0);
+    }
+
+    /// Two free pixels of ranks 3/4 and 0 and a blocked one; logits ln 3 (probability 3/4) and 0 (1/2).
+    ///
+    /// The first loses the entropy of 3/4, −3/4 ln 3/4 − 1/4 ln 1/4, the second ln 2. Densities 2 and 0 at the logits ln 2
+    /// and 0 lose 2 − 2 ln 2 and 1, at their weight. All over two pixels.
+    #[test]
+    fn ranks_and_densities_by_hand() {
+        let device = Device::flex();
+        let tensor =
+            |values: Vec<f32>, channels| Tensor::<4>::from_data(TensorData::new(values, [1, channels, 1, 3]), &device);
+        let (two, three) = (2f32.ln(), 3f32.ln());
+        let (rank, free) = (tensor(vec![0.75, 0.0, 0.9], 1), tensor(vec![1.0, 1.0, 0.0], 1));
+        let entropy = -0.75 * 0.75f64.ln() - 0.25 * 0.25f64.ln() + 2f64.ln();
+        let loss = rank_loss(tensor(vec![three, 0.0, 5.0], 1), rank.clone(), None, free.clone());
+        assert!((f64::from(loss.into_scalar::<f32>()) - entropy / 2.0).abs() < 1e-6);
+        let logits = tensor(vec![three, 0.0, 5.0, two, 0.0, 7.0], 2);
+        let loss = rank_loss(logits, rank, Some(tensor(vec![2.0, 0.0, 3.0], 1)), free);
+        let expected = (entropy + 0.1 * (2.0 - 2.0 * 2f64.ln() + 1.0)) / 2.0;
+        assert!((f64::from(loss.into_scalar::<f32>()) - expected).abs() < 1e-6, "{expected}");
     }
 }

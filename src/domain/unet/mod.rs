@@ -1,7 +1,8 @@
 //! The segmentation U-Net: what it is, how it learns, how it predicts (section IV-B, appendix E of the paper).
 //!
 //! - [`architecture`]: a network's form, as data; [`layers`]: its convolutions and where their parameters lie;
-//! - [`model`]: the network as a burn module, in burn's own operations; [`loss`]: eq. 4 likewise;
+//! - [`outputs`]: what it says of a cell; [`model`]: the network as a burn module, in burn's own operations; [`loss`]: eq. 4
+//!   and the loss of ranks likewise;
 //! - `ops`: the same network as one operation of ours with hand-written kernels, several times as fast;
 //! - [`compute`]: which device and which instruction set does the work;
 //! - [`batches`]: which samples make a batch, and their assembly; `learner`: one step; [`trainer`]: epochs;
@@ -20,6 +21,7 @@ pub mod loss;
 pub mod model;
 pub mod network;
 mod ops;
+pub mod outputs;
 mod tally;
 pub mod trainer;
 
@@ -27,7 +29,8 @@ pub use architecture::Architecture;
 pub use compute::{Compute, DeviceName, Simd};
 pub use layers::{Array, Arrays, Layers};
 pub use network::Network;
-pub use trainer::{BatchReport, EpochMetrics, TrainConfig, TrainState, Trainer};
+pub use outputs::Outputs;
+pub use trainer::{BatchReport, Decay, EpochMetrics, Fit, TrainConfig, TrainState, Trainer};
 
 /// What keeps a network from being trained or applied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]

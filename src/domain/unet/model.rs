@@ -1,12 +1,14 @@
 //! The network as a burn module, and its forward pass in burn's own operations.
 
 use burn::module::{Module, Param};
-use burn::tensor::activation::{relu, softmax};
+use burn::tensor::activation::{relu, sigmoid, softmax};
 use burn::tensor::module::{conv2d, interpolate, max_pool2d};
 use burn::tensor::ops::{ConvOptions, InterpolateMode, InterpolateOptions, MaxPoolOptions};
 use burn::tensor::{Device, Tensor, TensorData};
 
 use super::layers::{Input, Layer, Layers};
+use super::loss::DENSITY_LOGIT;
+use super::outputs::Outputs;
 use crate::domain::random::Stream;
 
 /// The segmentation U-Net (section IV-B, appendix E), or one of another [architecture](super::Architecture).
@@ -65,10 +67,18 @@ impl UNet {
         logits(&self.layers, &self.parameters(), &occupancy)
     }
 
-    /// Computes the probabilities of all classes, shaped as the [logits](Self::forward).
+    /// Computes what the [logits](Self::forward) say: probabilities of classes, or ranks and densities, of the same shape.
     #[must_use]
-    pub fn probabilities(&self, occupancy: Tensor<4>) -> Tensor<4> {
-        softmax(self.forward(occupancy), 1)
+    pub fn predict(&self, outputs: Outputs, occupancy: Tensor<4>) -> Tensor<4> {
+        let logits = self.forward(occupancy);
+        match outputs {
+            Outputs::Classes(_) => softmax(logits, 1),
+            Outputs::Ranks { density: false } => sigmoid(logits),
+            Outputs::Ranks { density: true } => {
+                let density = logits.clone().narrow(1, 1, 1).clamp(-DENSITY_LOGIT, DENSITY_LOGIT).exp();
+                Tensor::cat(vec![sigmoid(logits.narrow(1, 0, 1)), density], 1)
+            }
+        }
     }
 }
 

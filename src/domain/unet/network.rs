@@ -6,6 +6,7 @@ use super::architecture::Architecture;
 use super::compute::Compute;
 use super::layers::{Arrays, Layers};
 use super::model::UNet;
+use super::outputs::Outputs;
 use super::{UnetError, ops};
 
 /// Images that burn's own operations work on at once; more only need more memory.
@@ -14,7 +15,7 @@ const PLAIN_BATCH: usize = 16;
 /// A network that predicts.
 pub struct Network {
     compute: Compute,
-    classes: usize,
+    outputs: Outputs,
     period: usize,
     layers: Layers,
     model: UNet,
@@ -22,27 +23,27 @@ pub struct Network {
 }
 
 impl Network {
-    /// Makes a network for `classes` classes of the arrays of a checkpoint.
+    /// Makes a network of the arrays of a checkpoint.
     ///
     /// # Errors
     /// [`UnetError`] if an array is missing or of another shape.
     pub fn new(
         architecture: &Architecture,
-        classes: usize,
+        outputs: Outputs,
         model: &Arrays,
         compute: &Compute,
     ) -> Result<Self, UnetError> {
-        let layers = Layers::new(architecture, classes + 1);
+        let layers = Layers::new(architecture, outputs.count());
         let flat = layers.from_arrays(model, "")?;
-        let kernels = compute.kernels().map(|simd| ops::Predictor::new(&layers, &flat, simd));
+        let kernels = compute.kernels().map(|simd| ops::Predictor::new(&layers, outputs, &flat, simd));
         let model = UNet::from_parameters(&layers, flat, compute.device());
-        Ok(Self { compute: compute.clone(), classes, period: architecture.period(), layers, model, kernels })
+        Ok(Self { compute: compute.clone(), outputs, period: architecture.period(), layers, model, kernels })
     }
 
-    /// Returns the number of classes C, not counting the obstacle.
+    /// Returns what the numbers are that it computes.
     #[must_use]
-    pub const fn classes(&self) -> usize {
-        self.classes
+    pub const fn outputs(&self) -> Outputs {
+        self.outputs
     }
 
     /// Returns what sides of images are multiples of; see [`Architecture::period`].
@@ -59,30 +60,31 @@ impl Network {
 
     /// Predicts square windows: `n` of `size`² cells each; see [`predict`](Self::predict).
     #[must_use]
-    pub fn probabilities(&self, windows: &[u8], size: usize, n: usize) -> Vec<f32> {
-        let mut out = vec![0.0; n * size * size * (self.classes + 1)];
+    pub fn predict_windows(&self, windows: &[u8], size: usize, n: usize) -> Vec<f32> {
+        let mut out = vec![0.0; n * size * size * self.outputs.count()];
         self.predict(windows, size, size, n, &mut out);
         out
     }
 
-    /// Computes the probability of every class in every cell of `n` images of `rows` × `cols` cells.
+    /// Computes the [outputs](Self::outputs) in every cell of `n` images of `rows` × `cols` cells.
     ///
-    /// `images` has 1 for free and 0 for blocked cells, shape [n, rows, cols]; `out` gets [n, rows, cols, C + 1], class 0
-    /// being the obstacle. Beyond its edge an image counts as blocked (zero padding).
+    /// `images` has 1 for free and 0 for blocked cells, shape [n, rows, cols]; `out` gets [n, rows, cols, outputs]: the
+    /// probability of every class, class 0 being the obstacle, or rank and density. Beyond its edge an image counts as
+    /// blocked (zero padding).
     ///
     /// # Panics
     /// If `rows` or `cols` is no multiple of the [period](Self::period), or a slice is not of the size given.
     pub fn predict(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
-        let period = self.period;
+        let (period, outputs) = (self.period, self.outputs.count());
         assert!(rows.is_multiple_of(period) && cols.is_multiple_of(period), "images can be halved at every level");
         assert_eq!(images.len(), n * rows * cols, "one value for each cell");
-        assert_eq!(out.len(), images.len() * (self.classes + 1), "one value for each cell and class");
+        assert_eq!(out.len(), images.len() * outputs, "so many numbers for each cell");
         match &self.kernels {
             Some(kernels) => kernels.predict(images, rows, cols, out),
             None => {
                 let cells = rows * cols;
                 let batches = images.chunks(PLAIN_BATCH * cells);
-                for (images, out) in batches.zip(out.chunks_mut(PLAIN_BATCH * cells * (self.classes + 1))) {
+                for (images, out) in batches.zip(out.chunks_mut(PLAIN_BATCH * cells * outputs)) {
                     self.plain(images, rows, cols, out);
                 }
             }
@@ -93,7 +95,7 @@ impl Network {
         let shape = [images.len() / (rows * cols), 1, rows, cols];
         let occupancy: Vec<f32> = images.iter().map(|free| f32::from(*free)).collect();
         let occupancy = Tensor::from_data(TensorData::new(occupancy, shape), self.compute.device());
-        let probabilities = self.model.probabilities(occupancy).permute([0, 2, 3, 1]);
-        out.copy_from_slice(&probabilities.into_data().try_into_vec::<f32>().expect("probabilities are f32"));
+        let predicted = self.model.predict(self.outputs, occupancy).permute([0, 2, 3, 1]);
+        out.copy_from_slice(&predicted.into_data().try_into_vec::<f32>().expect("predictions are f32"));
     }
 }

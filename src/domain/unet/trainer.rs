@@ -11,6 +11,7 @@ use super::batches::{Batch, Order};
 use super::compute::{Compute, DeviceName};
 use super::layers::Arrays;
 use super::learner::Learner;
+use super::outputs::Outputs;
 use super::tally::Tally;
 use crate::domain::tiles::Tiles;
 
@@ -30,14 +31,44 @@ pub struct TrainConfig {
     /// normalization layers.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub learning_rate: f64,
+    /// Batches over which the learning rate rises to its value, from the first one of training on, up to 1,000,000.
+    #[schemars(range(min = 0, max = 1_000_000))]
+    pub warmup: u32,
+    /// How the learning rate falls; it then depends on the number of all epochs, so more epochs train all anew.
+    pub decay: Option<Decay>,
     /// What computes.
     pub device: DeviceName,
 }
 
+/// A learning rate that falls linearly to the end of training.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(default, deny_unknown_fields)]
+pub struct Decay {
+    /// The share of training after which it begins to fall, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub from: f64,
+    /// What it falls to, as a share of the learning rate, 0 to 1.
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub to: f64,
+}
+
+impl Default for Decay {
+    fn default() -> Self {
+        Self { from: 0.4, to: 0.02 }
+    }
+}
+
 impl Default for TrainConfig {
     fn default() -> Self {
-        let network = Architecture::default();
-        Self { network, epochs: 30, batch: 32, learning_rate: 0.001, device: DeviceName::default() }
+        Self {
+            network: Architecture::default(),
+            epochs: 30,
+            batch: 32,
+            learning_rate: 0.001,
+            warmup: 0,
+            decay: None,
+            device: DeviceName::default(),
+        }
     }
 }
 
@@ -54,7 +85,24 @@ impl TrainConfig {
         range((1..=100_000).contains(&self.epochs), "epochs", self.epochs.to_string(), "1 to 100,000")?;
         range((1..=1024).contains(&self.batch), "batch", self.batch.to_string(), "1 to 1024")?;
         let rate = self.learning_rate;
-        range(rate > 0.0 && rate <= 1.0, "learning_rate", rate.to_string(), "numbers above 0 and at most 1")
+        range(rate > 0.0 && rate <= 1.0, "learning_rate", rate.to_string(), "numbers above 0 and at most 1")?;
+        range(self.warmup <= 1_000_000, "warmup", self.warmup.to_string(), "0 to 1,000,000")?;
+        let Some(Decay { from, to }) = self.decay else { return Ok(()) };
+        range((0.0..=1.0).contains(&from), "decay.from", from.to_string(), "numbers from 0 to 1")?;
+        range((0.0..=1.0).contains(&to), "decay.to", to.to_string(), "numbers from 0 to 1")
+    }
+
+    /// Returns the learning rate of a batch: of an epoch, counted from 1, the batch, counted from 1, of so many.
+    #[must_use]
+    pub fn learning_rate_at(&self, epoch: u32, batch: usize, batches: usize) -> f64 {
+        let done = f64::from(epoch - 1) * batches as f64 + (batch - 1) as f64;
+        let warm = if self.warmup > 0 { ((done + 1.0) / f64::from(self.warmup)).min(1.0) } else { 1.0 };
+        let left = self.decay.map_or(1.0, |Decay { from, to }| {
+            let share = done / (f64::from(self.epochs) * batches as f64);
+            let way = if share > from { (share - from) / (1.0 - from) } else { 0.0 };
+            1.0 - way * (1.0 - to)
+        });
+        self.learning_rate * warm * left
     }
 }
 
@@ -76,28 +124,43 @@ pub struct EpochMetrics {
     pub epoch: u32,
     /// Mean loss over the samples, each as its batch came by.
     pub loss: f64,
-    /// Share of the labeled pixels that were predicted right, each as its batch came by.
-    pub accuracy: f64,
-    /// Mean of the [recalls](Self::recall) of classes that occur.
-    pub mean_recall: f64,
-    /// Share of the pixels of each class that were predicted right, class 0 (obstacle) first; 0 if there are none.
-    pub recall: Vec<f64>,
+    /// How well the samples were predicted, each as its batch came by.
+    pub fit: Fit,
     /// Number of samples.
     pub samples: u64,
 }
 
-impl EpochMetrics {
-    fn new(epoch: u32, samples: usize, loss_sum: f64, tally: &Tally) -> Self {
+/// How well samples were predicted.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub enum Fit {
+    /// Where classes are learned.
+    Classes {
+        /// Share of the labeled pixels that were predicted right.
+        accuracy: f64,
+        /// Mean of the recalls of classes that occur.
+        mean_recall: f64,
+        /// Share of the pixels of each class that were predicted right, class 0 (obstacle) first; 0 if there are none.
+        recall: Vec<f64>,
+    },
+    /// Where ranks are learned.
+    Ranks {
+        /// Mean distance between rank and prediction over the free pixels.
+        error: f64,
+    },
+}
+
+impl Fit {
+    fn new(outputs: Outputs, tally: &Tally) -> Self {
+        if let Outputs::Ranks { .. } = outputs {
+            return Self::Ranks { error: tally.error / tally.ranked.max(1) as f64 };
+        }
         let share = |correct: u64, labeled: u64| if labeled > 0 { correct as f64 / labeled as f64 } else { 0.0 };
         let recall: Vec<f64> = tally.correct.iter().zip(&tally.labeled).map(|(c, l)| share(*c, *l)).collect();
         let occurring = tally.labeled.iter().filter(|labeled| **labeled > 0).count().max(1);
-        Self {
-            epoch,
-            loss: loss_sum / samples as f64,
+        Self::Classes {
             accuracy: share(tally.correct.iter().sum(), tally.labeled.iter().sum()),
             mean_recall: recall.iter().sum::<f64>() / occurring as f64,
             recall,
-            samples: samples as u64,
         }
     }
 }
@@ -118,8 +181,9 @@ pub struct BatchReport {
 /// A network in training on some tiles.
 pub struct Trainer<'a> {
     tiles: &'a Tiles,
+    outputs: Outputs,
     learner: Learner,
-    batch: usize,
+    config: TrainConfig,
     seed: u64,
     epoch: u32,
     /// The batch that is learned from, and the one that is assembled meanwhile.
@@ -127,7 +191,7 @@ pub struct Trainer<'a> {
 }
 
 impl<'a> Trainer<'a> {
-    /// Starts with a newly drawn network; `weights` are the w_c of the classes 0 to C.
+    /// Starts with a newly drawn network; `weights` are the w_c of the classes 0 to C, and empty where ranks are learned.
     ///
     /// # Errors
     /// [`UnetError`] if a parameter is out of range, there are no tiles or of a size that the network cannot halve at every
@@ -143,7 +207,8 @@ impl<'a> Trainer<'a> {
         if tiles.is_empty() {
             return Err(UnetError::NoSamples);
         }
-        let expected = usize::from(tiles.classes) + 1;
+        let outputs = Outputs::of(&tiles.target);
+        let expected = if let Outputs::Classes(_) = outputs { outputs.count() } else { 0 };
         if weights.len() != expected {
             return Err(UnetError::ClassWeights { expected, found: weights.len() });
         }
@@ -154,11 +219,12 @@ impl<'a> Trainer<'a> {
         let weights = weights.iter().map(|weight| *weight as f32).collect();
         Ok(Self {
             tiles,
-            learner: Learner::new(&config.network, compute, weights, config.learning_rate, seed),
-            batch: config.batch as usize,
+            outputs,
+            learner: Learner::new(&config.network, outputs, compute, weights, seed),
+            config: config.clone(),
             seed,
             epoch: 0,
-            buffers: Default::default(),
+            buffers: [Batch::of(tiles), Batch::of(tiles)],
         })
     }
 
@@ -203,19 +269,20 @@ impl<'a> Trainer<'a> {
         &mut self,
         progress: &mut dyn FnMut(&BatchReport) -> ControlFlow<()>,
     ) -> Result<EpochMetrics, UnetError> {
-        let (tiles, epoch) = (self.tiles, self.epoch + 1);
+        let (tiles, epoch, config) = (self.tiles, self.epoch + 1, &self.config);
         let order = Order::new(tiles.samples(), self.seed, epoch);
-        let mut batches = order.batches(self.batch);
+        let mut batches = order.batches(config.batch as usize);
         let count = batches.len();
-        let mut tally = Tally::new(tiles.classes.into());
+        let mut tally = Tally::new(self.outputs.count());
         let mut loss_sum = 0.0;
         let [current, next] = &mut self.buffers;
         current.fill(tiles, batches.next().expect("there are tiles"));
         for batch in 1..=count {
             let learner = &mut self.learner;
             let upcoming = batches.next();
-            let ((loss, right), ()) =
-                rayon::join(|| learner.learn(current), || upcoming.map_or((), |samples| next.fill(tiles, samples)));
+            let rate = config.learning_rate_at(epoch, batch, count);
+            let learn = || learner.learn(current, rate);
+            let ((loss, right), ()) = rayon::join(learn, || upcoming.map_or((), |samples| next.fill(tiles, samples)));
             if !loss.is_finite() {
                 return Err(UnetError::NotFinite { epoch, batch, loss });
             }
@@ -227,6 +294,38 @@ impl<'a> Trainer<'a> {
             }
         }
         self.epoch = epoch;
-        Ok(EpochMetrics::new(epoch, tiles.samples(), loss_sum, &tally))
+        let loss = loss_sum / tiles.samples() as f64;
+        Ok(EpochMetrics { epoch, loss, fit: Fit::new(self.outputs, &tally), samples: tiles.samples() as u64 })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight batches of warm-up in epochs of five; of ten epochs the last six bring the rate down to a tenth.
+    #[test]
+    fn the_learning_rate_follows_its_schedule() {
+        let config = TrainConfig {
+            epochs: 10,
+            learning_rate: 0.8,
+            warmup: 8,
+            decay: Some(Decay { from: 0.4, to: 0.1 }),
+            ..TrainConfig::default()
+        };
+        let check = |epoch, batch, expected: f64| {
+            let found = config.learning_rate_at(epoch, batch, 5);
+            assert!((found - expected).abs() < 1e-12, "{epoch}, {batch}: {found} instead of {expected}");
+        };
+        check(1, 1, 0.1);
+        check(1, 5, 0.5);
+        check(2, 3, 0.8);
+        check(4, 5, 0.8);
+        // 20 of 50 batches are done, then 35: half of the way down.
+        check(5, 1, 0.8);
+        check(8, 1, 0.8 * 0.55);
+        check(10, 5, 0.8 * (1.0 - 0.9 * 29.0 / 30.0));
+        let constant = TrainConfig { warmup: 0, decay: None, ..config };
+        assert_eq!((constant.learning_rate_at(1, 1, 5), constant.learning_rate_at(9, 5, 5)), (0.8, 0.8));
     }
 }

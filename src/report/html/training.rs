@@ -6,7 +6,8 @@ use super::Source;
 use super::cache::Fragment;
 use super::lineage::stage_name;
 use super::maps::{gathered, missing};
-use crate::domain::unet::EpochMetrics;
+use crate::domain::quantize::class_weights;
+use crate::domain::unet::{EpochMetrics, Fit};
 use crate::kinds::Checkpoint;
 use crate::report::charts::{Line, curves};
 use crate::store::{Role, RunNode};
@@ -28,28 +29,57 @@ fn one(source: &Source<'_>, node: &RunNode) -> Fragment {
         Ok(checkpoint) => {
             let config = &checkpoint.config;
             let metrics = &checkpoint.metrics;
-            let loss = curves(&[line("loss", metrics, |m| m.loss)], "Loss (eq. 4)", "epoch", false);
-            let mut lines =
-                vec![line("accuracy", metrics, |m| m.accuracy), line("mean recall", metrics, |m| m.mean_recall)];
-            for class in 0..=usize::from(config.classes()) {
-                let name = if class == 0 { "obstacle".to_owned() } else { format!("class {class}") };
-                lines.push(line(&name, metrics, |m| m.recall.get(class).copied().unwrap_or(f64::NAN)));
-            }
-            let recall = curves(&lines, "Accuracy, and recall by class", "epoch", true);
+            let title = if config.counts().is_some() { "Loss (eq. 4)" } else { "Loss of the ranks" };
+            let loss = curves(&[line("loss", metrics, |m| m.loss)], title, "epoch", false);
+            let (lines, title) = fits(metrics);
+            let fit = curves(&lines, title, "epoch", true);
             let list =
                 |values: Vec<f64>| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(", ");
             let samples = metrics.last().map_or(0, |m| m.samples);
-            Fragment::whole(html! {
-                figure.wide {
-                    div.charts { (PreEscaped(loss)) (PreEscaped(recall)) }
-                    figcaption {
-                        "Training over " (checkpoint.state.epoch) " epochs of " (samples) " samples, batches of "
-                        (config.batch) ", learning rate " (config.learning_rate) ". Class distribution "
-                        (list(config.distribution())) "; class weights from obstacle up " (list(config.class_weights())) " "
-                        code { (node.node) }
+            Fragment::whole(
+                html! {
+                    figure.wide {
+                        div.charts { (PreEscaped(loss)) (PreEscaped(fit)) }
+                        figcaption {
+                            "Training over " (checkpoint.state.epoch) " epochs of " (samples) " samples, batches of "
+                            (config.batch) ", learning rate " (config.learning_rate) ". "
+                            @if let Some(counts) = config.counts() {
+                                "Class distribution " (list(counts.distribution())) "; class weights from obstacle up "
+                                (list(class_weights(counts))) " "
+                            }
+                            code { (node.node) }
+                        }
                     }
                 }
-            }.into_string())
+                .into_string(),
+            )
+        }
+    }
+}
+
+/// Returns the curves of how well samples were predicted, with their title.
+fn fits(metrics: &[EpochMetrics]) -> (Vec<Line>, &'static str) {
+    let of_classes = |m: &EpochMetrics, number: &dyn Fn(f64, f64, &[f64]) -> f64| match &m.fit {
+        Fit::Classes { accuracy, mean_recall, recall } => number(*accuracy, *mean_recall, recall),
+        Fit::Ranks { .. } => f64::NAN,
+    };
+    match metrics.last().map(|m| &m.fit) {
+        None => (Vec::new(), "Accuracy"),
+        Some(Fit::Ranks { .. }) => {
+            let error = |m: &EpochMetrics| if let Fit::Ranks { error } = m.fit { error } else { f64::NAN };
+            (vec![line("mean distance", metrics, error)], "Distance between rank and prediction")
+        }
+        Some(Fit::Classes { recall, .. }) => {
+            let mut lines = vec![
+                line("accuracy", metrics, |m| of_classes(m, &|accuracy, _, _| accuracy)),
+                line("mean recall", metrics, |m| of_classes(m, &|_, mean, _| mean)),
+            ];
+            for class in 0..recall.len() {
+                let name = if class == 0 { "obstacle".to_owned() } else { format!("class {class}") };
+                let of_class = |_: f64, _: f64, recall: &[f64]| recall.get(class).copied().unwrap_or(f64::NAN);
+                lines.push(line(&name, metrics, |m| of_classes(m, &of_class)));
+            }
+            (lines, "Accuracy, and recall by class")
         }
     }
 }

@@ -7,15 +7,17 @@
 //! - [`parameters`]: the parameters as the kernels read them, and the sums of their gradients;
 //! - [`image`]: feature maps in memory; [`lanes`]: registers of each instruction set, [`dispatch`](mod@dispatch) chooses one;
 //! - [`convolution`], [`correlation`]: the two kernels that take nearly all of the time, the only ones in intrinsics;
-//! - [`pooling`], [`softmax`]: the rest.
+//! - [`pooling`]; [`softmax`] and [`logistic`]: what is made of logits, and losses; [`goal`]: which of these an image has.
 //!
 //! Each function that computes takes the instruction set and runs the copy of its loops that was compiled for it.
 
 mod convolution;
 mod correlation;
 mod dispatch;
+mod goal;
 mod image;
 mod lanes;
+mod logistic;
 mod parameters;
 mod pass;
 mod pooling;
@@ -37,10 +39,12 @@ use rayon::prelude::*;
 use super::batches::Batch;
 use super::compute::Simd;
 use super::layers::Layers;
+use super::outputs::Outputs;
 use super::tally::Tally;
+use goal::{Goal, total_weight};
 use parameters::{Gradients, Parameters, reduce};
 use pass::Workspace;
-use softmax::{Labeled, Outcome};
+use softmax::Outcome;
 
 /// Into so many parts a batch is split, whatever the number of threads; each is summed up in order, then all of them.
 const SHARDS: usize = 8;
@@ -63,24 +67,26 @@ impl<B: Default> Pool<B> {
 /// The network's parameters, ready to predict.
 pub(super) struct Predictor {
     simd: Simd,
+    outputs: Outputs,
     parameters: Parameters,
     workspaces: Pool<Workspace>,
 }
 
 impl Predictor {
     /// Prepares the parameters of a flat vector.
-    pub(super) fn new(layers: &Layers, flat: &[f32], simd: Simd) -> Self {
+    pub(super) fn new(layers: &Layers, outputs: Outputs, flat: &[f32], simd: Simd) -> Self {
         let mut parameters = Parameters::new(layers);
         parameters.load(flat, false);
-        Self { simd, parameters, workspaces: Pool::default() }
+        Self { simd, outputs, parameters, workspaces: Pool::default() }
     }
 
-    /// Predicts images of `rows` × `cols` cells: [image, rows, cols, C + 1] probabilities.
+    /// Predicts images of `rows` × `cols` cells: [image, rows, cols, outputs].
     pub(super) fn predict(&self, images: &[u8], rows: usize, cols: usize, out: &mut [f32]) {
         let cells = rows * cols;
         let out = out.par_chunks_exact_mut(cells * self.parameters.layers.head().outputs);
         images.par_chunks_exact(cells).zip(out).for_each(|(image, out)| {
-            self.workspaces.with(|workspace| workspace.predict(self.simd, &self.parameters, (image, rows, cols), out));
+            let image = (image, rows, cols);
+            self.workspaces.with(|workspace| workspace.predict(self.simd, &self.parameters, image, self.outputs, out));
         });
     }
 }
@@ -98,25 +104,23 @@ impl Pass {
     /// Computes the loss of a batch, which goes to `outcome`, and the gradient of all parameters.
     fn run(&mut self, flat: &[f32], job: &Job<'_>) -> Vec<f32> {
         let Job { simd, batch, weights, .. } = *job;
-        let weight = |label: &i8| usize::try_from(*label).map_or(0.0, |label| f64::from(weights[label]));
-        let total = batch.labels.par_chunks(1 << 12).map(|labels| labels.iter().map(weight).sum::<f64>());
-        // Collected first, so that the order of the sum does not depend on the threads.
-        let total = total.collect::<Vec<_>>().into_iter().sum::<f64>().max(f64::from(f32::MIN_POSITIVE));
+        let total = total_weight(&batch.target, weights);
         self.parameters.load(flat, true);
         let (parameters, workspaces) = (&self.parameters, &self.workspaces);
         let cells = batch.size * batch.size;
-        let share = batch.len().div_ceil(SHARDS) * cells;
-        let shards = batch.occupancy.par_chunks(share).zip(batch.labels.par_chunks(share));
-        shards.zip(&mut self.shards).for_each(|((occupancy, labels), gradients)| {
+        let share = batch.len().div_ceil(SHARDS);
+        let used = batch.len().div_ceil(share);
+        self.shards[..used].par_iter_mut().enumerate().for_each(|(shard, gradients)| {
             gradients.clear();
             workspaces.with(|workspace| {
-                for (image, labels) in occupancy.chunks_exact(cells).zip(labels.chunks_exact(cells)) {
-                    let labeled = Labeled { labels, weights, scale: (1.0 / total) as f32 };
-                    workspace.learn(simd, parameters, (image, batch.size, batch.size), labeled, gradients);
+                for image in shard * share..((shard + 1) * share).min(batch.len()) {
+                    let of = image * cells..(image + 1) * cells;
+                    let goal = Goal::of(&batch.target, of.clone(), weights, (1.0 / total) as f32);
+                    let image = (&batch.occupancy[of], batch.size, batch.size);
+                    workspace.learn(simd, parameters, image, goal, gradients);
                 }
             });
         });
-        let used = batch.len().div_ceil(share / cells);
         let (gradient, mut outcome) = reduce(&self.parameters.layers, &mut self.shards[..used]);
         outcome.loss /= total;
         self.outcome = outcome;
@@ -151,7 +155,7 @@ impl Job<'_> {
     }
 }
 
-/// The loss of a batch (eq. 4) as a function of the network's parameters.
+/// The loss of a batch (eq. 4, or that of ranks) as a function of the network's parameters.
 #[backend_extension(Flex, Autodiff)]
 pub trait UnetLoss: Backend {
     /// Computes the loss, one number, from the flat vector of the parameters.
@@ -198,13 +202,14 @@ pub(super) struct SharedPass(Mutex<Pass>);
 
 impl SharedPass {
     /// Prepares buffers for a network.
-    pub(super) fn new(layers: &Layers) -> Self {
-        let shards = vec![Gradients::new(layers); SHARDS];
+    pub(super) fn new(layers: &Layers, outputs: Outputs) -> Self {
+        let shards = vec![Gradients::new(layers, outputs); SHARDS];
         let parameters = Parameters::new(layers);
         Self(Mutex::new(Pass { parameters, shards, workspaces: Pool::default(), outcome: Outcome::default() }))
     }
 
-    /// Computes the loss of a batch by [`UnetLoss`], and what was predicted; `weights` are the w_c of eq. 4.
+    /// Computes the loss of a batch by [`UnetLoss`], and how well was predicted; `weights` are the w_c of
+    /// eq. 4.
     pub(super) fn loss(
         &self,
         parameters: &Tensor<1>,

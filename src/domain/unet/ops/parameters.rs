@@ -17,6 +17,7 @@ use super::image::{PHASES, Phase};
 use super::softmax::Outcome;
 use crate::domain::unet::architecture::LANES;
 use crate::domain::unet::layers::{Input, Layer, Layers};
+use crate::domain::unet::outputs::Outputs;
 use crate::domain::unet::tally::Tally;
 
 /// The rows (or columns) of 3×3 taps that read the small pixel `i` of the two that phase `a` sees.
@@ -253,7 +254,7 @@ struct Places {
 }
 
 impl Gradients {
-    pub(super) fn new(layers: &Layers) -> Self {
+    pub(super) fn new(layers: &Layers, outputs: Outputs) -> Self {
         let mut end = layers.parameters();
         let mut place = |length: usize| {
             end += length;
@@ -265,7 +266,8 @@ impl Gradients {
             head: place(layers.head().inputs * padded(layers)),
             head_bias: place(padded(layers)),
         };
-        let outcome = Outcome { loss: 0.0, tally: Tally::new(layers.head().outputs - 1) };
+        let classes = if let Outputs::Classes(_) = outputs { outputs.count() } else { 0 };
+        let outcome = Outcome { loss: 0.0, tally: Tally::new(classes) };
         Self { sums: vec![0.0; end], places, outcome }
     }
 
@@ -273,8 +275,7 @@ impl Gradients {
     pub(super) fn clear(&mut self) {
         self.sums.fill(0.0);
         self.outcome.loss = 0.0;
-        self.outcome.tally.labeled.fill(0);
-        self.outcome.tally.correct.fill(0);
+        self.outcome.tally.clear();
     }
 
     /// Returns the sums of a layer's weights from the input channel `input` on.

@@ -5,12 +5,14 @@
 
 use super::convolution::{Then, convolve};
 use super::correlation::{Correlation, correlate};
+use super::goal::Goal;
 use super::image::{Image, PHASES, Source};
 use super::parameters::{Gradients, Parameters};
 use super::pooling::{add_pixels, halve, sum_halve, unfold, unhalve};
-use super::softmax::{self, Labeled};
+use super::{logistic, softmax};
 use crate::domain::unet::compute::Simd;
 use crate::domain::unet::layers::{Input, Layer};
+use crate::domain::unet::outputs::Outputs;
 
 /// The feature maps of one image and their gradients; buffers that are used again for the next image.
 #[derive(Debug, Clone, Default)]
@@ -29,17 +31,21 @@ pub(super) struct Workspace {
 }
 
 impl Workspace {
-    /// Predicts an image: [rows, cols, C + 1] probabilities.
+    /// Predicts an image: [rows, cols, outputs].
     pub(super) fn predict(
         &mut self,
         simd: Simd,
         parameters: &Parameters,
         image: (&[u8], usize, usize),
+        outputs: Outputs,
         out: &mut [f32],
     ) {
         self.forward(simd, parameters, image);
         let logits = self.maps.last().expect("a network has a head");
-        softmax::probabilities(simd, logits, parameters.layers.head().outputs, out);
+        match outputs {
+            Outputs::Classes(_) => softmax::probabilities(simd, logits, outputs.count(), out),
+            Outputs::Ranks { .. } => logistic::ranks(simd, logits, outputs.count(), out),
+        }
     }
 
     /// Adds the loss of an image and its gradients to those of its shard.
@@ -48,12 +54,15 @@ impl Workspace {
         simd: Simd,
         parameters: &Parameters,
         image: (&[u8], usize, usize),
-        labeled: Labeled<'_>,
+        goal: Goal<'_>,
         gradients: &mut Gradients,
     ) {
         self.forward(simd, parameters, image);
         let logits = self.maps.last_mut().expect("a network has a head");
-        softmax::cross_entropy(simd, logits, labeled, &mut gradients.outcome);
+        match goal {
+            Goal::Classes(labeled) => softmax::cross_entropy(simd, logits, labeled, &mut gradients.outcome),
+            Goal::Ranks(ranked) => logistic::rank_loss(simd, logits, ranked, &mut gradients.outcome),
+        }
         self.backward(simd, parameters, gradients);
     }
 

@@ -7,10 +7,10 @@ use crate::domain::unet::compute::Simd;
 use crate::domain::unet::tally::Tally;
 
 /// Pixels that are handled at once, each in a lane of its own.
-const PIXELS: usize = 8;
+pub(super) const PIXELS: usize = 8;
 
 /// One value for each of some pixels.
-type Group = [f32; PIXELS];
+pub(super) type Group = [f32; PIXELS];
 
 /// The loss of an image, not yet divided by the sum of weights, and what was predicted.
 #[derive(Debug, Clone, Default)]
@@ -126,7 +126,7 @@ fn exponentials(lanes: &mut [Group]) -> (Group, Group) {
 /// x is split into n · ln 2 + r with |r| ≤ ln 2 / 2. The Taylor series of eʳ to r⁷ is exact to 5e-9, and 2ⁿ is a matter
 /// of the exponent's bits.
 #[inline(always)]
-fn exp(x: f32) -> f32 {
+pub(super) fn exp(x: f32) -> f32 {
     // Adding and subtracting 1.5 · 2²³ rounds to an integer.
     const ROUND: f32 = 12_582_912.0;
     const LN_2_HIGH: f32 = 0.693_359_4;
@@ -146,7 +146,7 @@ fn exp(x: f32) -> f32 {
 /// x is split into 2ᵉ · m with m from √½ to √2; ln m = 2 artanh t with t = (m − 1) / (m + 1), |t| < 0.172, whose series to
 /// t⁹ is exact to 1e-9.
 #[inline(always)]
-fn ln(x: f32) -> f32 {
+pub(super) fn ln(x: f32) -> f32 {
     let bits = x.to_bits() as i32;
     // Subtracting the bits of √½ makes the exponent count from there.
     let exponent = (bits - 0x3f35_04f3) >> 23;

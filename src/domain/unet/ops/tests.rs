@@ -6,6 +6,7 @@ use super::image::{Image, PHASES};
 use super::pooling::{halve, unhalve};
 use super::*;
 use crate::domain::random::Stream;
+use crate::domain::tiles::Target;
 use crate::domain::unet::architecture::Architecture;
 use crate::domain::unet::compute::{Compute, DeviceName};
 use crate::domain::unet::learner::Learner;
@@ -194,7 +195,7 @@ fn phases_are_the_convolution_of_a_doubled_image() {
             |input, gradient, size| Correlation { input, gradient, size, tap: small.channels * layer.outputs };
         let mut expected = vec![0.0; 9 * small.channels * layer.outputs];
         correlate(simd, &correlation(large.neighbors(), gradient.pixels(), [6, 16]), &mut expected);
-        let mut sums = Gradients::new(&layers);
+        let mut sums = Gradients::new(&layers, Outputs::Classes(3));
         for phase in PHASES {
             let phases = correlation(small.doubled(phase), gradient.pixels_of(phase), [3, 8]);
             correlate(simd, &phases, sums.phase(number, phase));
@@ -214,13 +215,26 @@ fn batch(size: usize, samples: usize, classes: usize) -> Batch {
     Batch {
         size,
         occupancy: (0..cells).map(|_| u8::from(stream.unit() > 0.4)).collect(),
-        labels: (0..cells).map(|_| stream.below(classes + 2) as i8 - 1).collect(),
+        target: Target::Classes {
+            classes: classes as u8,
+            labels: (0..cells).map(|_| stream.below(classes + 2) as i8 - 1).collect(),
+        },
     }
 }
 
-fn learner(network: &Architecture, compute: &Compute, classes: usize) -> Learner {
-    let weights = (0..=classes).map(|class| 0.1 + class as f32 * 0.3).collect();
-    Learner::new(network, compute, weights, 0.001, 11)
+/// The same images with ranks, and densities if asked for.
+fn ranked(batch: &Batch, density: bool) -> Batch {
+    let mut stream = Stream::new(10, &[0; 32], 0, "ops/test");
+    let rank: Vec<f32> =
+        batch.occupancy.iter().map(|free| if *free > 0 { stream.unit() as f32 } else { -1.0 }).collect();
+    let density = density.then(|| rank.iter().map(|rank| 3.0 * rank.max(0.0)).collect());
+    Batch { target: Target::Ranks { rank, density }, ..batch.clone() }
+}
+
+fn learner(network: &Architecture, compute: &Compute, outputs: Outputs) -> Learner {
+    let classes = if let Outputs::Classes(_) = outputs { outputs.count() } else { 0 };
+    let weights = (0..classes).map(|class| 0.1 + class as f32 * 0.3).collect();
+    Learner::new(network, outputs, compute, weights, 11)
 }
 
 /// The paper's network, and others that differ in all that an architecture can say.
@@ -243,19 +257,26 @@ fn difference(layers: &Layers, a: &[f32], b: &[f32]) -> f32 {
 fn loss_and_gradients_are_those_of_burns_own_operations() {
     let flat = |gradient: Tensor<1>| gradient.into_data().try_into_vec::<f32>().expect("f32");
     let [paper, other, double] = &architectures();
-    for (network, size, samples, classes) in
-        [(paper, 8, 1, 1), (paper, 16, 11, 3), (paper, 24, 9, 16), (other, 32, 9, 3), (double, 16, 9, 3)]
-    {
-        let batch = batch(size, samples, classes);
-        let plain = learner(network, &Compute::plain(DeviceName::Flex).expect("everywhere"), classes);
+    let batches = [(paper, 8, 1, 1), (paper, 16, 11, 3), (paper, 24, 9, 16), (other, 32, 9, 3), (double, 16, 9, 3)]
+        .map(|(network, size, samples, classes)| (network, batch(size, samples, classes)));
+    let [plain, dense] = [false, true].map(|density| (paper, ranked(&batch(16, 11, 3), density)));
+    for (network, batch) in batches.into_iter().chain([plain, dense]) {
+        let (size, samples, outputs) = (batch.size, batch.len(), Outputs::of(&batch.target));
+        let plain = learner(network, &Compute::plain(DeviceName::Flex).expect("everywhere"), outputs);
         let (loss, gradient, tally) = plain.gradient(&batch);
         let gradient = flat(gradient);
         for simd in available() {
-            let own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), classes);
+            let own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), outputs);
             let (own_loss, own_gradient, own_tally) = own.gradient(&batch);
             assert!((own_loss - loss).abs() < 2e-6 * loss, "{simd}: {own_loss} instead of {loss}");
-            assert_eq!(own_tally, tally, "{simd}");
-            let worst = difference(&Layers::new(network, classes + 1), &gradient, &flat(own_gradient));
+            assert_eq!(
+                (own_tally.labeled, own_tally.correct),
+                (tally.labeled.clone(), tally.correct.clone()),
+                "{simd}"
+            );
+            assert_eq!(own_tally.ranked, tally.ranked);
+            assert!((own_tally.error - tally.error).abs() <= 1e-5 * tally.error, "{simd}");
+            let worst = difference(&Layers::new(network, outputs.count()), &gradient, &flat(own_gradient));
             println!("{simd}, {samples} images of {size}²: gradients differ by {worst:e} of the largest");
             assert!(worst < 2e-5, "{simd}: {worst}");
         }
@@ -264,16 +285,20 @@ fn loss_and_gradients_are_those_of_burns_own_operations() {
 
 #[test]
 fn gradients_are_differences_of_the_loss() {
-    let batch = batch(32, 4, 3);
-    for (network, simd) in architectures().iter().flat_map(|network| available().map(move |simd| (network, simd))) {
-        let mut own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), 3);
+    let classes = batch(32, 4, 3);
+    let ranks = ranked(&classes, true);
+    let [paper, other, double] = &architectures();
+    let cases = [(paper, &classes), (other, &classes), (double, &classes), (paper, &ranks)];
+    for ((network, batch), simd) in cases.into_iter().flat_map(|case| available().map(move |simd| (case, simd))) {
+        let outputs = Outputs::of(&batch.target);
+        let mut own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), outputs);
         // New biases are zero, which in blocked regions is right where ReLU has no derivative.
         for _ in 0..4 {
-            own.learn(&batch);
+            own.learn(batch, 0.001);
         }
-        let (_, gradient, _) = own.gradient(&batch);
+        let (_, gradient, _) = own.gradient(batch);
         let gradient = gradient.into_data().try_into_vec::<f32>().expect("f32");
-        let layers = Layers::new(network, 4);
+        let layers = Layers::new(network, outputs.count());
         let mut stream = Stream::new(3, &[0; 32], 0, "ops/differences");
         for layer in layers.all() {
             for part in [layer.weights(), layer.bias()] {
@@ -284,7 +309,7 @@ fn gradients_are_differences_of_the_loss() {
                 let direction: Vec<f32> = gradient.iter().map(|g| g + stream.normal(0.0, aside) as f32).collect();
                 let along: f64 = direction.iter().zip(gradient).map(|(d, g)| f64::from(*d) * f64::from(*g)).sum();
                 let step = 1e-3 / f64::from(norm);
-                let mut loss = |sign: f64| own.loss_beside(&batch, part.start, &direction, sign * step);
+                let mut loss = |sign: f64| own.loss_beside(batch, part.start, &direction, sign * step);
                 let slope = (loss(1.0) - loss(-1.0)) / (2.0 * step);
                 assert!((slope - along).abs() < 0.02 * along.abs(), "{simd} {} {part:?}: {slope} {along}", layer.name);
             }
@@ -295,29 +320,33 @@ fn gradients_are_differences_of_the_loss() {
 #[test]
 fn predictions_are_those_of_burns_own_operations() {
     let [paper, other, double] = &architectures();
-    for (network, rows, cols, classes) in [
-        (paper, 8, 8, 3),
-        (paper, 64, 64, 3),
-        (paper, 24, 40, 2),
-        (paper, 16, 136, 20),
-        (other, 32, 48, 3),
-        (double, 24, 40, 2),
+    let classes = Outputs::Classes;
+    for (network, rows, cols, outputs) in [
+        (paper, 8, 8, classes(3)),
+        (paper, 64, 64, classes(3)),
+        (paper, 24, 40, classes(2)),
+        (paper, 16, 136, classes(20)),
+        (other, 32, 48, classes(3)),
+        (double, 24, 40, Outputs::Ranks { density: false }),
+        (paper, 24, 40, Outputs::Ranks { density: true }),
     ] {
         let mut stream = Stream::new(4, &[0; 32], 0, "ops/predict");
         let images: Vec<u8> = (0..3 * rows * cols).map(|_| u8::from(stream.unit() > 0.3)).collect();
         let plain = Compute::plain(DeviceName::Flex).expect("everywhere");
-        let arrays = learner(network, &plain, classes).model();
+        let arrays = learner(network, &plain, outputs).model();
         let predict = |compute: &Compute| {
-            let mut out = vec![0.0; images.len() * (classes + 1)];
-            let network = Network::new(network, classes, &arrays, compute).expect("complete");
+            let mut out = vec![0.0; images.len() * outputs.count()];
+            let network = Network::new(network, outputs, &arrays, compute).expect("complete");
             network.predict(&images, rows, cols, 3, &mut out);
             out
         };
         let expected = predict(&plain);
         for simd in available() {
             let found = predict(&Compute::new(DeviceName::Flex, Some(simd)).expect("available"));
-            let worst = found.iter().zip(&expected).fold(0.0f32, |worst, (a, b)| worst.max((a - b).abs()));
-            println!("{simd}, {rows} × {cols}: probabilities differ by {worst:e}");
+            // Densities may be any number.
+            let relative = |a: f32, b: f32| (a - b).abs() / b.abs().max(1.0);
+            let worst = found.iter().zip(&expected).fold(0.0f32, |worst, (a, b)| worst.max(relative(*a, *b)));
+            println!("{simd}, {rows} × {cols}: predictions differ by {worst:e}");
             assert!(worst < 1e-5, "{simd}: {worst}");
         }
     }

@@ -1,0 +1,169 @@
+//! What windows teach of their cells: classes, as the paper has them, or ranks.
+
+use crate::domain::geometry::Grid;
+use crate::domain::map::OccupancyMap;
+use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE};
+use crate::domain::rank::{relative_to_mean, share_below};
+
+/// The rank of a blocked cell: none.
+pub const NO_RANK: f32 = -1.0;
+
+/// How much the free cells of a map are visited, as numbers that compare between maps.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ranks {
+    /// Share of the map's free cells that are visited less, 0 to 1; [`NO_RANK`] on blocked cells.
+    pub rank: Grid<f32>,
+    /// Expected number of people relative to the mean of the free cells, if it is known; 0 on blocked cells.
+    pub density: Option<Grid<f32>>,
+}
+
+impl Ranks {
+    /// Ranks the free cells of a map by their visits; densities come of `dwell`, the time steps that people spent in them.
+    ///
+    /// Cells that nobody visited have rank 0. Where nobody spent any time, all densities are 0.
+    ///
+    /// # Panics
+    /// If the counts are not of the map's size.
+    #[must_use]
+    pub fn of(map: &OccupancyMap, visits: &Grid<u32>, dwell: Option<&Grid<u32>>) -> Self {
+        let free = map.free();
+        let mut rank = share_below(visits, free);
+        for (rank, _) in rank.as_mut_slice().iter_mut().zip(free.as_slice()).filter(|(_, free)| !**free) {
+            *rank = NO_RANK;
+        }
+        let nobody = || Grid::filled(free.rows(), free.cols(), 0.0);
+        let density = dwell.map(|dwell| relative_to_mean(dwell, free).unwrap_or_else(nobody));
+        Self { rank, density }
+    }
+}
+
+/// What is known of a map's cells.
+#[derive(Debug, Clone, Copy)]
+pub enum Known<'a> {
+    /// Their classes.
+    Classes(&'a Labels),
+    /// Their ranks.
+    Ranks(&'a Ranks),
+}
+
+impl Known<'_> {
+    /// Returns rows and columns.
+    pub(super) fn size(&self) -> (usize, usize) {
+        match self {
+            Self::Classes(labels) => (labels.classes.rows(), labels.classes.cols()),
+            Self::Ranks(ranks) => (ranks.rank.rows(), ranks.rank.cols()),
+        }
+    }
+
+    /// Returns where there is something to learn: cells of the classes 1 to C, or all free cells.
+    pub(super) fn labeled(&self) -> Grid<bool> {
+        match self {
+            Self::Classes(labels) => labels.classes.map(|class| *class > OBSTACLE),
+            Self::Ranks(ranks) => ranks.rank.map(|rank| *rank >= 0.0),
+        }
+    }
+
+    /// Returns the target of windows that are still to be cut.
+    pub(super) fn empty_target(&self) -> Target {
+        match self {
+            Self::Classes(labels) => Target::Classes { classes: labels.count, labels: Vec::new() },
+            Self::Ranks(ranks) => {
+                Target::Ranks { rank: Vec::new(), density: ranks.density.as_ref().map(|_| Vec::new()) }
+            }
+        }
+    }
+}
+
+/// What windows teach of their cells; all values have the shape [windows, size, size].
+#[derive(Debug, Clone, PartialEq)]
+pub enum Target {
+    /// Classes.
+    Classes {
+        /// Number of classes C.
+        classes: u8,
+        /// −1 for unlabeled cells, 0 for blocked ones, else the class 1 to C.
+        labels: Vec<i8>,
+    },
+    /// Ranks.
+    Ranks {
+        /// Share of their map's free cells that are visited less, 0 to 1; [`NO_RANK`] for blocked cells.
+        rank: Vec<f32>,
+        /// Expected number of people relative to the mean of the map's free cells; 0 for blocked cells.
+        density: Option<Vec<f32>>,
+    },
+}
+
+impl Target {
+    /// Returns a target of the same sort without cells.
+    #[must_use]
+    pub fn emptied(&self) -> Self {
+        match self {
+            Self::Classes { classes, .. } => Self::Classes { classes: *classes, labels: Vec::new() },
+            Self::Ranks { density, .. } => {
+                Self::Ranks { rank: Vec::new(), density: density.as_ref().map(|_| Vec::new()) }
+            }
+        }
+    }
+
+    /// Returns the number of cells.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        match self {
+            Self::Classes { labels, .. } => labels.len(),
+            Self::Ranks { rank, .. } => rank.len(),
+        }
+    }
+
+    /// Tells whether there are no cells.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Returns the class or rank of a cell as a number.
+    #[must_use]
+    pub fn value(&self, cell: usize) -> f32 {
+        match self {
+            Self::Classes { labels, .. } => labels[cell].into(),
+            Self::Ranks { rank, .. } => rank[cell],
+        }
+    }
+
+    /// Returns what stands beyond the edge of a map.
+    #[must_use]
+    pub const fn padding(&self) -> f32 {
+        match self {
+            Self::Classes { .. } => 0.0,
+            Self::Ranks { .. } => NO_RANK,
+        }
+    }
+
+    /// Counts the cells of each class; `None` of ranks.
+    #[must_use]
+    pub fn class_counts(&self) -> Option<ClassCounts> {
+        match self {
+            Self::Classes { classes, labels } => Some(ClassCounts::of(*classes, labels)),
+            Self::Ranks { .. } => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::geometry::Frame;
+
+    /// Of four free cells one is visited by nobody, two once, one three times; people spend 2, 2, 4 and 0 steps in them.
+    #[test]
+    fn ranks_are_shares_and_densities_have_mean_one() {
+        let free = Grid::from_vec(1, 5, vec![true, false, true, true, true]);
+        let map = OccupancyMap::new(free, Frame::at_zero(0.1, 1, 5)).expect("free cells");
+        let row = |counts: &[u32]| Grid::from_vec(1, 5, counts.to_vec());
+        let ranks = Ranks::of(&map, &row(&[1, 9, 3, 1, 0]), Some(&row(&[2, 9, 4, 2, 0])));
+        assert_eq!(ranks.rank.as_slice(), [0.25, NO_RANK, 0.75, 0.25, 0.0]);
+        assert_eq!(ranks.density.expect("time steps").as_slice(), [1.0, 0.0, 2.0, 1.0, 0.0]);
+        let nobody = Ranks::of(&map, &row(&[0; 5]), Some(&row(&[0; 5])));
+        assert_eq!(nobody.rank.as_slice(), [0.0, NO_RANK, 0.0, 0.0, 0.0]);
+        assert_eq!(nobody.density.expect("no time steps").as_slice(), [0.0; 5]);
+    }
+}

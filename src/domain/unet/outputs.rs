@@ -1,0 +1,38 @@
+//! What a network says of a cell.
+
+use serde::{Deserialize, Serialize};
+
+use crate::domain::tiles::Target;
+
+/// What the numbers are that a network computes for every cell.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Outputs {
+    /// Probabilities of the obstacle and of so many classes (softmax).
+    Classes(u8),
+    /// The rank, 0 to 1 (logistic function of its logit), and if asked for, the density (exponential of its logit).
+    Ranks {
+        /// Whether there is a density.
+        density: bool,
+    },
+}
+
+impl Outputs {
+    /// Returns what a network has to say to learn a target.
+    #[must_use]
+    pub const fn of(target: &Target) -> Self {
+        match target {
+            Target::Classes { classes, .. } => Self::Classes(*classes),
+            Target::Ranks { density, .. } => Self::Ranks { density: density.is_some() },
+        }
+    }
+
+    /// Returns how many numbers there are for each cell.
+    #[must_use]
+    pub const fn count(self) -> usize {
+        match self {
+            Self::Classes(classes) => classes as usize + 1,
+            Self::Ranks { density } => 1 + density as usize,
+        }
+    }
+}
