@@ -1,9 +1,9 @@
 //! Where people walk, told without a network: what a prediction has to beat.
 //!
 //! - [`wall_distance`]: the farther from the walls, the more.
-//! - [`betweenness`]: how many shortest paths lead over a cell (the paper's ref. 7), and the same over paths of a few
+//! - [`betweenness`](mod@betweenness): how many shortest paths lead over a cell (the paper's ref. 7), and the same over paths of a few
 //!   meters, which is what can be told from local topology (ref. 10).
-//! - [`isovist`]: agents who know no goals and walk where they see far.
+//! - [`isovist`](mod@isovist): agents who know no goals and walk where they see far.
 //!
 //! All of them yield values whose order counts; [`rank`](super::rank) turns them into a heat.
 
