@@ -11,9 +11,9 @@ use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::ClassScores;
 use trodden::domain::tiles::{Target, Tiles};
 use trodden::domain::tracks::{Sample, Tracks};
-use trodden::domain::unet::Outputs;
+use trodden::domain::unet::{Compute, DeviceName, Network, Outputs};
 use trodden::kinds::{
-    Checkpoint, Heat, Kind, KindError, Placed, SingleFile, TrackReader, TrackWriter, Written, chunk_files,
+    Checkpoint, Heat, Kind, KindError, Model, Placed, SingleFile, TrackReader, TrackWriter, Written, chunk_files,
 };
 use trodden::store::{Artifact, Store};
 
@@ -156,6 +156,31 @@ fn a_checkpoint_of_ranks_comes_back() {
     let (_, read) = through_store(&store, &samples::ranking_checkpoint());
     assert_eq!(read, samples::ranking_checkpoint());
     assert_eq!((read.config.outputs(), read.config.counts()), (Outputs::Ranks { density: true }, None));
+}
+
+/// 1 + 2⁻¹⁰ has the 11 bits of half precision, 1 + 2⁻¹² is rounded to 1; beyond 65,504 there is nothing.
+#[test]
+fn a_model_is_kept_in_half_precision() {
+    let mut model = Model::from(samples::checkpoint());
+    let bias = |model: &mut Model, values: [f32; 4]| {
+        model.network.get_mut("head.bias").expect("there is one").values = values.to_vec();
+    };
+    bias(&mut model, [1.0 + 1.0 / 1024.0, 1.0 + 1.0 / 4096.0, -0.25, 65_504.0]);
+    let mut files = model.to_half_files().expect("encoded");
+    let read = Model::from_files(|name| Ok(files.remove(name).expect("one of its files"))).expect("read");
+    assert_eq!(read.network["head.bias"].values, [1.0 + 1.0 / 1024.0, 1.0, -0.25, 65_504.0]);
+    assert_eq!((&read.config, read.epoch), (&model.config, 2));
+    bias(&mut model, [0.0, 0.0, 0.0, 70_000.0]);
+    let error = model.to_half_files().expect_err("too large");
+    assert!(error.to_string().contains("half precision"), "{error}");
+}
+
+#[test]
+fn the_shipped_model_says_ranks() {
+    let model = Model::shipped();
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let network = Network::new(&model.config.network, model.config.outputs(), &model.network, &compute);
+    assert!(matches!(network.expect("complete").outputs(), Outputs::Ranks { .. }));
 }
 
 #[test]

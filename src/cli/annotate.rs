@@ -1,16 +1,16 @@
 //! `annotate`: a map of your own, without a pipeline.
 
-use std::io::ErrorKind;
 use std::ops::ControlFlow;
 use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
+use super::model_files;
 use super::screen::Screen;
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
 use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Survey};
-use crate::kinds::{Checkpoint, Heat, Placed, SingleFile};
+use crate::kinds::{Checkpoint, Heat, Model, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::bars::WorkBar;
 use crate::report::picture::{Picture, Scale};
@@ -18,34 +18,32 @@ use crate::report::png;
 use crate::stages::import_map::{self, ImportMap};
 use crate::stages::map_origin::Origin;
 use crate::stages::{annotate, compute};
-use crate::store::{read_bounded, write_whole};
+use crate::store::write_whole;
 
 /// The files that it writes.
 const HEAT: &str = "heat.parquet";
 const MAP: &str = "map.parquet";
 const PICTURE: &str = "heat.png";
-/// The most bytes of a file of a checkpoint.
-const MOST_BYTES: u64 = 4 << 30;
 
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "It writes `heat.parquet` (one row a cell: heat, class, probabilities), `heat.png`, and `map.parquet`.
+    after_help = "It writes `heat.parquet` (one row a cell: heat, and what else the model says), `heat.png`, and `map.parquet`.
 
 Maps of ROS are read as nav2 reads them, but for the gray value 205: `map_saver` writes it for unknown space, so it is unknown \
 whatever the thresholds say.
 
 Examples:
-  trodden annotate my_map.yaml --model artifacts/latest/quickstart/model --out annotated
-  trodden annotate plan.png --image-resolution 0.05 --model model --out annotated --mode exact --stride 1
-  trodden annotate Rs_int --floor 0 --region all --model model --out annotated"
+  trodden annotate my_map.yaml --out annotated
+  trodden annotate plan.png --image-resolution 0.05 --out annotated
+  trodden annotate Rs_int --floor 0 --region all --model artifacts/latest/quickstart/model --out annotated"
 )]
 pub struct Args {
     /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
     map: PathBuf,
-    /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model`.
+    /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model` [default: the model that trodden brings].
     #[arg(long)]
-    model: PathBuf,
+    model: Option<PathBuf>,
     /// Folder to write to.
     #[arg(long, short)]
     out: PathBuf,
@@ -125,7 +123,7 @@ impl Args {
         let config = self.config()?;
         let import = self.importer()?;
         self.check_outputs(&import)?;
-        let checkpoint = self.checkpoint()?;
+        let model = self.model.as_deref().map_or_else(|| Ok(Model::shipped()), model_files::read)?;
         let name = import.origin().map_name();
         screen.remark(format!("annotating {}", import.origin().path().display()));
         let mut bar = WorkBar::new("annotate", screen.color());
@@ -136,7 +134,7 @@ impl Args {
             bar.advance(done, all);
             ControlFlow::Continue(())
         };
-        let heat = Placed::new(*map.frame(), annotate::heat(&map, &checkpoint, &config, &compute, &mut progress)?);
+        let heat = Placed::new(*map.frame(), annotate::heat(&map, &model, &config, &compute, &mut progress)?);
         drop(bar);
         std::fs::create_dir_all(&self.out).map_err(|source| self.failed(&self.out, source))?;
         self.write(HEAT, &heat.to_bytes()?, screen)?;
@@ -163,7 +161,7 @@ impl Args {
     /// Refuses to write where the map, the model or something of the store is, through whatever links.
     fn check_outputs(&self, import: &ImportMap) -> Result<(), CliError> {
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
-        inputs.extend(Checkpoint::FILES.iter().map(|name| self.model.join(name)));
+        inputs.extend(self.model.iter().flat_map(|model| Checkpoint::FILES.map(|name| model.join(name))));
         for output in [HEAT, MAP, PICTURE].map(|name| self.out.join(name)) {
             let same = |input: &&PathBuf| same_file(input, &output);
             if let Some(input) = inputs.iter().find(same) {
@@ -191,25 +189,6 @@ impl Args {
             None => CliError::request(error.to_string()),
         };
         AnnotateConfig::try_from(fields).map_err(refused)
-    }
-
-    fn checkpoint(&self) -> Result<Checkpoint, CliError> {
-        let read = |name: &'static str| {
-            let path = self.model.join(name);
-            read_bounded(&path, MOST_BYTES).map_err(|source| match source.kind() {
-                ErrorKind::NotFound | ErrorKind::NotADirectory => {
-                    let what = format!("`{}` is no folder of a checkpoint: it has no `{name}`", self.model.display());
-                    CliError::advised(what, "give that of a `train` node, such as `artifacts/latest/quickstart/model`")
-                }
-                _ => CliError::File { action: "read", path, source },
-            })
-        };
-        // Read first, so that a missing file is named with its path.
-        let mut files = std::collections::BTreeMap::new();
-        for name in Checkpoint::FILES {
-            files.insert(name, read(name)?);
-        }
-        Ok(Checkpoint::from_files(|name| Ok(files.remove(name).expect("read above")))?)
     }
 
     fn write(&self, name: &str, bytes: &[u8], screen: &Screen) -> Result<(), CliError> {

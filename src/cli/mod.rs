@@ -8,10 +8,12 @@ mod check;
 mod completions;
 mod diff;
 mod error;
+mod export;
 mod gc;
 mod init;
 mod keep;
 mod ls;
+mod model_files;
 mod plan;
 mod report;
 mod request;
@@ -50,7 +52,7 @@ use crate::pipeline::error::PipelineError;
   trodden run pipelines/quickstart.yaml --set labels.classes=4  only what that changes
   trodden why labels                                            what changed
   trodden show heat/home_1000                                   a picture in the terminal
-  trodden annotate my_map.yaml --model artifacts/latest/quickstart/model --out annotated"
+  trodden annotate my_map.yaml --out annotated                  where people walk on your map"
 )]
 pub struct Cli {
     /// Folder of the artifact store.
@@ -97,8 +99,10 @@ enum Command {
     Schema(schema::Args),
     /// Write a pipeline file to start from.
     Init(init::Args),
-    /// Annotate a map of your own with a trained model, without a pipeline.
+    /// Annotate a map of your own, without a pipeline.
     Annotate(annotate::Args),
+    /// Write what the store holds in the form that others take.
+    Export(export::Args),
     /// Print completions for a shell.
     Completions(completions::Args),
 }
@@ -161,6 +165,7 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Schema(args) => args.run(screen),
         Command::Init(args) => args.run(screen),
         Command::Annotate(args) => args.run(store, screen),
+        Command::Export(args) => args.run(screen),
         Command::Completions(args) => args.run(&mut Cli::command(), screen),
     }
 }

@@ -9,6 +9,7 @@ use std::sync::Arc;
 
 use arrow::array::{ArrayRef, Float64Array, UInt32Array, UInt64Array};
 use arrow::datatypes::{DataType, Float64Type, UInt32Type, UInt64Type};
+use half::f16;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::{Deserialize, Serialize};
 
@@ -132,10 +133,13 @@ impl Checkpoint {
     /// [`KindError`] if an array or a metric does not fit.
     pub fn to_files(&self) -> Result<BTreeMap<&'static str, Vec<u8>>, KindError> {
         Ok(BTreeMap::from([
-            ("config.json", self.config_bytes()),
+            ("config.json", config_to_bytes(&self.config, self.state.epoch)),
             ("metrics.parquet", self.metrics_bytes()?),
-            ("model.safetensors", arrays_to_bytes("model.safetensors", &self.state.model)?),
-            ("optimizer.safetensors", arrays_to_bytes("optimizer.safetensors", &self.state.optimizer)?),
+            ("model.safetensors", arrays_to_bytes("model.safetensors", &self.state.model, Precision::Single)?),
+            (
+                "optimizer.safetensors",
+                arrays_to_bytes("optimizer.safetensors", &self.state.optimizer, Precision::Single)?,
+            ),
         ]))
     }
 
@@ -152,35 +156,6 @@ impl Checkpoint {
         };
         let metrics = read_metrics(file("metrics.parquet")?, config.outputs())?;
         Ok(Self { config, state, metrics })
-    }
-
-    fn config_bytes(&self) -> Vec<u8> {
-        let CheckpointConfig { network, window, batch, learning_rate, learned } = self.config.clone();
-        let counts = self.config.counts();
-        let file = ConfigFile {
-            kind: KIND.to_owned(),
-            format: FORMAT,
-            epoch: self.state.epoch,
-            network,
-            window,
-            batch,
-            learning_rate,
-            classes: counts.map(|counts| counts.classes.len()),
-            distribution: counts.map(ClassCounts::distribution),
-            class_weights: counts.map(class_weights),
-            ranks: match learned {
-                Learned::Ranks { density } => Some(RanksFile { density }),
-                Learned::Classes(_) => None,
-            },
-            cells: counts.cloned().map(|ClassCounts { unlabeled, obstacle, classes }| CellCounts {
-                unlabeled,
-                obstacle,
-                classes,
-            }),
-        };
-        let mut text = serde_json::to_string_pretty(&file).expect("numbers are JSON");
-        text.push('\n');
-        text.into_bytes()
     }
 
     fn metrics_bytes(&self) -> Result<Vec<u8>, KindError> {
@@ -225,6 +200,36 @@ fn numbers_of(metrics: &EpochMetrics) -> Vec<f64> {
     numbers
 }
 
+/// Encodes `config.json` of a network that was trained for `epoch` epochs.
+pub(super) fn config_to_bytes(config: &CheckpointConfig, epoch: u32) -> Vec<u8> {
+    let CheckpointConfig { network, window, batch, learning_rate, learned } = config.clone();
+    let counts = config.counts();
+    let file = ConfigFile {
+        kind: KIND.to_owned(),
+        format: FORMAT,
+        epoch,
+        network,
+        window,
+        batch,
+        learning_rate,
+        classes: counts.map(|counts| counts.classes.len()),
+        distribution: counts.map(ClassCounts::distribution),
+        class_weights: counts.map(class_weights),
+        ranks: match learned {
+            Learned::Ranks { density } => Some(RanksFile { density }),
+            Learned::Classes(_) => None,
+        },
+        cells: counts.cloned().map(|ClassCounts { unlabeled, obstacle, classes }| CellCounts {
+            unlabeled,
+            obstacle,
+            classes,
+        }),
+    };
+    let mut text = serde_json::to_string_pretty(&file).expect("numbers are JSON");
+    text.push('\n');
+    text.into_bytes()
+}
+
 impl Kind for Checkpoint {
     const NAME: &'static str = KIND;
     const FORMAT: u32 = FORMAT;
@@ -245,7 +250,7 @@ fn damaged(file: &'static str, source: impl Into<Box<dyn std::error::Error + Sen
     KindError::Damaged { kind: KIND, file, source: source.into() }
 }
 
-fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindError> {
+pub(super) fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindError> {
     let value: serde_json::Value = serde_json::from_slice(bytes).map_err(|e| damaged("config.json", e))?;
     // Kind and format first: another format may have other fields.
     match value["kind"].as_str() {
@@ -335,31 +340,59 @@ fn read_metrics(bytes: Vec<u8>, outputs: Outputs) -> Result<Vec<EpochMetrics>, K
     Ok(metrics)
 }
 
-fn arrays_to_bytes(file: &'static str, arrays: &Arrays) -> Result<Vec<u8>, KindError> {
-    let bytes: Vec<(&str, &[usize], Vec<u8>)> = arrays
-        .iter()
-        .map(|(name, array)| {
-            let bytes = array.values.iter().flat_map(|value| value.to_le_bytes()).collect();
-            (name.as_str(), array.shape.as_slice(), bytes)
-        })
-        .collect();
+/// How many bits a number has in a file.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Precision {
+    /// 32.
+    Single,
+    /// 16: numbers are rounded to the nearest that has 11 bits.
+    Half,
+}
+
+/// Encodes arrays as safetensors.
+pub(super) fn arrays_to_bytes(file: &'static str, arrays: &Arrays, precision: Precision) -> Result<Vec<u8>, KindError> {
+    let encode = |values: &[f32]| -> Vec<u8> {
+        match precision {
+            Precision::Single => values.iter().flat_map(|value| value.to_le_bytes()).collect(),
+            Precision::Half => values.iter().flat_map(|value| f16::from_f32(*value).to_le_bytes()).collect(),
+        }
+    };
+    if precision == Precision::Half {
+        for (name, array) in arrays {
+            if let Some(value) = array.values.iter().find(|value| !f16::from_f32(**value).is_finite()) {
+                return Err(wrong_value(
+                    KIND,
+                    &format!("{file}/{name}"),
+                    0,
+                    value,
+                    "numbers that half precision reaches",
+                ));
+            }
+        }
+    }
+    let dtype = if precision == Precision::Half { Dtype::F16 } else { Dtype::F32 };
+    let bytes: Vec<(&str, &[usize], Vec<u8>)> =
+        arrays.iter().map(|(name, array)| (name.as_str(), array.shape.as_slice(), encode(&array.values))).collect();
     let mut views = Vec::with_capacity(bytes.len());
     for (name, shape, bytes) in &bytes {
-        let view = TensorView::new(Dtype::F32, shape.to_vec(), bytes);
+        let view = TensorView::new(dtype, shape.to_vec(), bytes);
         views.push((*name, view.map_err(|e| KindError::Shape { kind: KIND, what: format!("`{name}`: {e}") })?));
     }
     safetensors::serialize(views, None).map_err(|e| damaged(file, e))
 }
 
-fn arrays_from_bytes(file: &'static str, bytes: &[u8]) -> Result<Arrays, KindError> {
+/// Decodes safetensors in single or half precision.
+pub(super) fn arrays_from_bytes(file: &'static str, bytes: &[u8]) -> Result<Arrays, KindError> {
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(file, e))?;
     let array = |(name, view): (&str, TensorView<'_>)| {
         let wrong = |value: String, expected: &str| wrong_value(KIND, &format!("{file}/{name}"), 0, value, expected);
-        if view.dtype() != Dtype::F32 {
-            return Err(wrong(format!("{:?}", view.dtype()), "numbers of type F32"));
-        }
-        let (chunks, _) = view.data().as_chunks::<4>();
-        let values: Vec<f32> = chunks.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect();
+        let values: Vec<f32> = match view.dtype() {
+            Dtype::F32 => view.data().as_chunks::<4>().0.iter().map(|bytes| f32::from_le_bytes(*bytes)).collect(),
+            Dtype::F16 => {
+                view.data().as_chunks::<2>().0.iter().map(|bytes| f16::from_le_bytes(*bytes).to_f32()).collect()
+            }
+            other => return Err(wrong(format!("{other:?}"), "numbers of type F32 or F16")),
+        };
         match values.iter().find(|value| !value.is_finite()) {
             Some(value) => Err(wrong(value.to_string(), "finite numbers")),
             None => Ok((name.to_owned(), Array { shape: view.shape().to_vec(), values })),

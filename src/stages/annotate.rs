@@ -10,7 +10,7 @@ use super::{compute, kind, read, write};
 use crate::domain::annotate::{AnnotateConfig, AnnotateError, AnnotateFields, annotate, quantize, thresholds};
 use crate::domain::map::OccupancyMap;
 use crate::domain::unet::{Compute, Network};
-use crate::kinds::{Checkpoint, CheckpointConfig, Heat, Placed, outline};
+use crate::kinds::{Checkpoint, CheckpointConfig, Heat, Model, Placed, outline};
 use crate::pipeline::stage::{
     Arity, Context, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
@@ -81,30 +81,30 @@ impl Stage for Annotate {
             (context.progress)(done as u64, all as u64);
             if (context.cancelled)() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let heat = heat(&map, &checkpoint, &self.0, &compute, &mut progress)?;
+        let heat = heat(&map, &checkpoint.into(), &self.0, &compute, &mut progress)?;
         write(context, &Placed::new(*map.frame(), heat))
     }
 }
 
-/// Annotates a map with the network of a checkpoint: heat, and density or classes and probabilities.
+/// Annotates a map with a trained network: heat, and density or classes and probabilities.
 ///
 /// # Errors
-/// [`StageError`] if parameters do not fit the checkpoint or `progress` ended the work.
+/// [`StageError`] if parameters do not fit the network or `progress` ended the work.
 pub fn heat(
     map: &OccupancyMap,
-    checkpoint: &Checkpoint,
+    model: &Model,
     config: &AnnotateConfig,
     compute: &Compute,
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Heat, StageError> {
-    let CheckpointConfig { network, window, .. } = &checkpoint.config;
-    let network = Network::new(network, checkpoint.config.outputs(), &checkpoint.state.model, compute);
+    let CheckpointConfig { network, window, .. } = &model.config;
+    let network = Network::new(network, model.config.outputs(), &model.network, compute);
     let network = network.map_err(StageError::failed)?;
     let annotation = annotate(map, *window as usize, config, &network, progress).map_err(|error| match error {
         AnnotateError::Cancelled => StageError::Cancelled,
         error => StageError::failed(error),
     })?;
-    let Some(counts) = checkpoint.config.counts() else {
+    let Some(counts) = model.config.counts() else {
         return Ok(Heat { density: annotation.density, ..Heat::new(map.free().clone(), annotation.heat) });
     };
     let thresholds = thresholds(&annotation.heat, map, &counts.distribution());

@@ -184,6 +184,41 @@ fn annotate_takes_a_map_of_your_own() {
     check_without("annotate-sql", &told, NUMBERS);
     let png = std::fs::read(place.path("out/heat.png")).expect("is there");
     assert!(png.starts_with(b"\x89PNG") && png.len() > 1000);
+
+    // By itself and in half precision the network says nearly the same.
+    check("export-model", &place.out(&["export", "model", "artifacts/latest/tiny/model", "--out", "small"]));
+    place.out(&["annotate", "room.pgm", "--image-resolution", "0.1", "--model", "small", "--out", "half"]);
+    let apart = "SELECT MAX(ABS(a.heat - b.heat)) AS apart FROM 'out/heat.parquet' AS a \
+                 JOIN 'half/heat.parquet' AS b ON a.row = b.row AND a.col = b.col";
+    let told: serde_json::Value = serde_json::from_str(&place.out(&["sql", "--json", apart])).expect("is JSON");
+    assert!(told["apart"].as_f64().expect("a number") < 0.01, "{told}");
+    assert!(place.refused(2, &["export", "model", "small", "--out", "small"]).contains("would overwrite its source"));
+    assert!(place.refused(2, &["export", "model", "out", "--out", "x"]).contains("is no folder of a checkpoint"));
+}
+
+/// The model that the program brings needs no pipeline: a corridor that leads to a room is visited more than the corners.
+#[test]
+fn annotate_needs_no_model() {
+    let place = Place::empty();
+    // A corridor of 12 m × 2 m along the upper edge, two rooms below it, each with a door of 1 m.
+    let free = |row: usize, col: usize| {
+        let corridor = (1..21).contains(&row) && (1..119).contains(&col);
+        let room = (22..69).contains(&row) && ((1..59).contains(&col) || (60..119).contains(&col));
+        let door = row == 21 && ((25..35).contains(&col) || (85..95).contains(&col));
+        corridor || room || door
+    };
+    let pixels: Vec<u8> = (0..70 * 120).map(|at| if free(at / 120, at % 120) { 254 } else { 0 }).collect();
+    place.write("flat.pgm", [b"P5\n120 70\n255\n", &pixels[..]].concat());
+    place.out(&["annotate", "flat.pgm", "--image-resolution", "0.1", "--out", "out"]);
+    let mean = |what: &str| {
+        let query = format!("SELECT AVG(heat) AS heat FROM 'out/heat.parquet' WHERE free AND {what}");
+        let told: serde_json::Value = serde_json::from_str(&place.out(&["sql", "--json", &query])).expect("is JSON");
+        told["heat"].as_f64().expect("a number")
+    };
+    let door = mean("row = 21");
+    let middle = mean("row BETWEEN 8 AND 13 AND col BETWEEN 35 AND 84");
+    let corners = mean("row BETWEEN 62 AND 68 AND (col < 8 OR col > 111)");
+    assert!(door > 0.75 && middle > 0.6 && corners < 0.3, "{door} {middle} {corners}");
 }
 
 #[test]
