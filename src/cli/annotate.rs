@@ -10,10 +10,10 @@ use super::model_files;
 use super::screen::Screen;
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
 use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Survey};
-use crate::kinds::{Checkpoint, Heat, Model, Placed, SingleFile};
+use crate::kinds::{Checkpoint, Model, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::bars::WorkBar;
-use crate::report::picture::{Picture, Scale};
+use crate::report::picture::{Scale, heat_picture};
 use crate::report::png;
 use crate::stages::import_map::{self, ImportMap};
 use crate::stages::map_origin::Origin;
@@ -139,7 +139,7 @@ impl Args {
         std::fs::create_dir_all(&self.out).map_err(|source| self.failed(&self.out, source))?;
         self.write(HEAT, &heat.to_bytes()?, screen)?;
         self.write(MAP, &map.to_bytes()?, screen)?;
-        self.write(PICTURE, &picture(&heat, &name), screen)?;
+        self.write(PICTURE, &png::figure(&heat_picture(&heat), Scale::Linear, &name), screen)?;
         Ok(ExitCode::SUCCESS)
     }
 
@@ -207,12 +207,6 @@ fn said(survey: &Survey) -> String {
     let advice = if survey.is_odd() { "; `--region all` or `--region x,y` keeps other regions" } else { "" };
     let warning = if survey.is_odd() { "warning: " } else { "" };
     format!("{warning}{survey}{advice}")
-}
-
-fn picture(heat: &Placed<Heat>, name: &str) -> Vec<u8> {
-    let walls = heat.value.free.map(|free| !free);
-    let picture = Picture::values(heat.frame, heat.value.heat.clone(), Some(walls), "heat", None);
-    png::figure(&picture, Scale::Linear, name)
 }
 
 /// Tells whether two paths lead to one file.

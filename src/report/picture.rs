@@ -8,7 +8,7 @@ use super::axis::Axis;
 use super::colors::{self, Rgb};
 
 pub use super::axis::Scale;
-pub use super::shown::Shown;
+pub use super::shown::{Shown, heat_picture};
 
 /// A picture, cell by cell.
 #[derive(Debug, Clone, PartialEq)]

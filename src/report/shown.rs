@@ -226,10 +226,12 @@ pub(super) fn labels_picture(placed: &Placed<Labels>) -> Picture {
     Picture::classes(placed.frame, placed.value.classes.clone(), placed.value.count, "not visited")
 }
 
-/// Draws the heat of a prediction.
-pub(super) fn heat_picture(placed: &Placed<Heat>) -> Picture {
+/// Draws the heat of a prediction; where it is a rank, the scale says what that is.
+#[must_use]
+pub fn heat_picture(placed: &Placed<Heat>) -> Picture {
     let walls = placed.value.free.map(|free| !free);
-    Picture::values(placed.frame, placed.value.heat.clone(), Some(walls), "heat", None)
+    let unit = if placed.value.classes.is_some() { "heat" } else { "busier than this share of the floor" };
+    Picture::values(placed.frame, placed.value.heat.clone(), Some(walls), unit, None)
 }
 
 /// Draws the classes of a prediction, if it has some.
