@@ -122,6 +122,25 @@ fn plain() -> Compute {
     Compute::plain(DeviceName::Flex).expect("everywhere")
 }
 
+/// What was learned from some windows is of use for others: fine-tuning begins below where a random network does.
+#[test]
+fn training_starts_from_a_trained_network() {
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let (before, others) = (ranked(&tiles(16, 6), false), ranked(&tiles(24, 2), false));
+    let new = |tiles| Trainer::new(tiles, &[], &config(), &compute, 7).expect("in range");
+    let mut first = new(&before);
+    epochs(&mut first, 12);
+    let mut tuned = new(&others);
+    tuned.start_from(&first.state().model).expect("of one form");
+    assert_eq!((tuned.finished(), tuned.state().model == first.state().model), (0, true));
+    let (tuned, random) = (epochs(&mut tuned, 1)[0].loss, epochs(&mut new(&others), 1)[0].loss);
+    assert!(tuned < 0.98 * random, "{tuned} {random}");
+    let wider = TrainConfig { network: Architecture { widths: vec![32, 64, 64], convolutions: 1 }, ..config() };
+    let mut wider = Trainer::new(&others, &[], &wider, &compute, 7).expect("in range");
+    let refused = wider.start_from(&first.state().model).err();
+    assert!(matches!(refused, Some(UnetError::ArrayShape { name, .. }) if name == "encoder3.weight"));
+}
+
 #[test]
 fn a_resumed_training_is_an_undisturbed_one() {
     let tiles = tiles(16, 3);

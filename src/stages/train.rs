@@ -26,7 +26,15 @@ impl Definition for Train {
     const SPEC: StageSpec = StageSpec {
         name: "train",
         version: 2,
-        ports: &[Port { name: "tiles", kind: "Tiles", arity: Arity::One, doc: "The windows to learn from." }],
+        ports: &[
+            Port { name: "tiles", kind: "Tiles", arity: Arity::One, doc: "The windows to learn from." },
+            Port {
+                name: "init",
+                kind: "Checkpoint",
+                arity: Arity::Optional,
+                doc: "A network of the same form to start from in the place of a random one (fine-tuning).",
+            },
+        ],
         output: kind::<Checkpoint>(),
         seeded: true,
         doc: "Trains the segmentation U-Net (section IV-B, appendix E); each epoch is kept.",
@@ -56,6 +64,11 @@ impl Stage for Train {
         value
     }
 
+    fn part_ports(&self, part: Part) -> Option<&'static [&'static str]> {
+        // Only the first epoch reads what it starts from.
+        matches!(part, Part::Step(epoch) if epoch > 1).then_some(&["tiles"])
+    }
+
     fn division(&self) -> Division {
         Division::Chain(self.0.epochs)
     }
@@ -79,7 +92,14 @@ impl Stage for Train {
         let weights = counts.as_ref().map(class_weights).unwrap_or_default();
         let compute = compute::open(self.0.device)?;
         let (mut trainer, mut metrics) = match &inputs.previous {
-            None => (Trainer::new(&tiles, &weights, &self.0, &compute, context.seed), Vec::new()),
+            None => {
+                let mut trainer = Trainer::new(&tiles, &weights, &self.0, &compute, context.seed);
+                if let (Ok(trainer), Some(init)) = (&mut trainer, inputs.maybe("init")) {
+                    let (init, _): (Checkpoint, _) = read(context, init)?;
+                    trainer.start_from(&init.state.model).map_err(|error| unlike(&error))?;
+                }
+                (trainer, Vec::new())
+            }
             Some(previous) => {
                 let (previous, _): (Checkpoint, _) = read(context, previous)?;
                 let trainer = Trainer::resume(&tiles, &weights, &self.0, &compute, context.seed, &previous.state);
@@ -104,6 +124,15 @@ impl Stage for Train {
             },
         };
         write(context, &Checkpoint { config, state: trainer.state(), metrics })
+    }
+}
+
+/// Says that a network to start from is of another form.
+fn unlike(error: &UnetError) -> StageError {
+    StageError::Failed {
+        message: format!("`init` is another network: {error}"),
+        help: Some("give it the same `network`, and tiles with the same target, as it was trained with".to_owned()),
+        source: None,
     }
 }
 

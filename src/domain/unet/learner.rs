@@ -59,6 +59,14 @@ impl Learner {
         }
     }
 
+    /// Takes over the network of a checkpoint.
+    pub(super) fn take_over(&mut self, model: &Arrays) -> Result<(), UnetError> {
+        let flat = self.layers.from_arrays(model, "")?;
+        let count = flat.len();
+        self.parameters = Tensor::from_data(TensorData::new(flat, [count]), self.compute.device());
+        Ok(())
+    }
+
     /// Takes over the network and the optimizer of a checkpoint.
     pub(super) fn restore(&mut self, model: &Arrays, optimizer: &Arrays) -> Result<(), UnetError> {
         let tensor = |flat: Vec<f32>| {

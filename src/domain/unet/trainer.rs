@@ -246,6 +246,14 @@ impl<'a> Trainer<'a> {
         Ok(trainer)
     }
 
+    /// Starts from a trained network instead of a random one; the optimizer starts anew.
+    ///
+    /// # Errors
+    /// [`UnetError`] if an array is missing or of another shape.
+    pub fn start_from(&mut self, model: &Arrays) -> Result<(), UnetError> {
+        self.learner.take_over(model)
+    }
+
     /// Returns the number of finished epochs.
     #[must_use]
     pub const fn finished(&self) -> u32 {
