@@ -3,7 +3,7 @@
 use trodden::domain::geometry::{Frame, Grid, Meters, Point};
 use trodden::domain::quantize::{ClassCounts, class_weights};
 use trodden::domain::social::{
-    CostConfig, Draws, NavSteps, Predictor, compare, predicted_cost, social_costs, true_cost,
+    CostConfig, Draws, Guess, NavSteps, Pair, Predictor, Reading, compare, predicted_cost, social_costs, true_cost,
 };
 
 fn close(found: f64, expected: f64, tolerance: f64) {
@@ -90,21 +90,22 @@ fn costs_of_an_episode_join_both_equations() {
     // Constant heat: (1 + 2·e^(−1/2))/13 = 0.1702354861 and (1 + e^(−1/2) + e^(−2))/13 = 0.1339896879.
     let episodes = [episode(4, 1.5, 1.5), episode(9, 0.5, 1.5)];
     let constant = Grid::filled(1, 3, 1.0);
-    let heats = [(Predictor::Model, &heat), (Predictor::Constant, &constant)];
+    let guess = |predictor, heat| Guess { predictor, heat, reading: Reading::Probability };
+    let heats = [guess(Predictor::Model, &heat), guess(Predictor::Constant, &constant)];
     let draws = Draws { seed: 1, input: &[0; 32] };
     let costs = social_costs(&episodes, &heats, &frame, &paper(), &draws).expect("costs");
     let flat = costs.of(Predictor::Constant).expect("it was asked for");
-    close(flat.episodes[0].prediction, 0.170_235_486_1, 1e-9);
-    close(flat.episodes[1].prediction, 0.133_989_687_9, 1e-9);
+    close(flat.episodes[0].costs.prediction, 0.170_235_486_1, 1e-9);
+    close(flat.episodes[1].costs.prediction, 0.133_989_687_9, 1e-9);
     assert_eq!(costs.of(Predictor::Oracle), None);
     let model = costs.of(Predictor::Model).expect("it was asked for");
     let [first, second] = model.episodes[..] else { panic!("two episodes") };
-    assert_eq!((first.episode, first.truth_rank, first.prediction_rank, first.offset), (4, 2.0, 2.0, 0.0));
-    assert_eq!((second.episode, second.truth_rank, second.prediction_rank, second.offset), (9, 1.0, 1.0, 0.0));
-    close(first.truth, 1.0, 1e-12);
-    close(second.truth, 0.606_530_659_7, 1e-10);
-    close(first.prediction, 1.0 / 13.0, 1e-12);
-    close(second.prediction, 0.046_656_204_6, 1e-10);
+    assert_eq!((first.costs.episode, first.truth_rank, first.prediction_rank, first.offset), (4, 2.0, 2.0, 0.0));
+    assert_eq!((second.costs.episode, second.truth_rank, second.prediction_rank, second.offset), (9, 1.0, 1.0, 0.0));
+    close(first.costs.truth, 1.0, 1e-12);
+    close(second.costs.truth, 0.606_530_659_7, 1e-10);
+    close(first.costs.prediction, 1.0 / 13.0, 1e-12);
+    close(second.costs.prediction, 0.046_656_204_6, 1e-10);
 }
 
 #[test]
@@ -113,7 +114,8 @@ fn rank_offsets_by_hand() {
     // Predictions 3, 9, 1, 9, 2 have        3, 4.5, 1,   4.5, 2.
     // Offsets |difference|/5: 0.2, 0.2, 0.5, 0.1, 0.2, of which four of five are at most 0.25.
     let costs = [(0, 1.0, 3.0), (1, 2.0, 9.0), (2, 2.0, 1.0), (3, 5.0, 9.0), (4, 0.0, 2.0)];
-    let compared = compare(Predictor::Model, &costs, &Draws { seed: 1, input: &[0; 32] }).expect("costs");
+    let costs = costs.map(|(episode, truth, prediction)| Pair { episode, truth, prediction, expected: None });
+    let compared = compare(Predictor::Model, &costs, None, &Draws { seed: 1, input: &[0; 32] }).expect("costs");
     for (found, expected) in compared.episodes.iter().zip([0.2, 0.2, 0.5, 0.1, 0.2]) {
         close(found.offset, expected, 1e-12);
     }

@@ -56,6 +56,8 @@ fn every_kind_comes_back() {
     check(&store, &Placed { frame: Frame::at_zero(0.1, 4, 5), ..samples::trips() });
     check(&store, &samples::scores());
     check(&store, &ClassScores { weights: None, ..samples::scores() });
+    check(&store, &ClassScores { floor: None, ..samples::scores() });
+    check(&store, &samples::floor_only());
     check(&store, &samples::costs());
     check(&store, &samples::checkpoint());
 }

@@ -11,7 +11,7 @@ use trodden::domain::map::OccupancyMap;
 use trodden::domain::quantize::{Labels, OBSTACLE, QuantizeConfig, quantize};
 use trodden::domain::raster::{RasterConfig, VisitCounts, rasterize};
 use trodden::domain::score::{Scored, score};
-use trodden::domain::social::{CostConfig, Draws, Predictor, social_costs};
+use trodden::domain::social::{CostConfig, Draws, Guess, Predictor, Reading, social_costs};
 use trodden::domain::tiles::{Known, LabeledMap, TileConfig, cut};
 use trodden::domain::tracks::{Sample, Tracks};
 use trodden::domain::unet::{Architecture, Array, Arrays, EpochMetrics, Fit, TrainState};
@@ -179,13 +179,15 @@ impl Maker {
         let value = Heat::of_classes(heat.clone(), classes.clone(), probabilities);
         self.add(&own, "annotate", &Placed::new(frame, value), &[&map, "model"]);
         let scored = Scored {
+            free: on.map.free(),
             heat: &heat,
-            predicted: &classes,
-            labels: &on.labels,
+            density: None,
+            predicted: Some(&classes),
+            labels: Some(&on.labels),
             visits: Some(&on.visits),
             weights: Some(&[0.1, 0.2, 0.3, 0.4]),
         };
-        let scores = score(&scored).expect("scores");
+        let scores = score(&scored, frame.resolution, &[4; 32]).expect("scores");
         let read = [format!("labels/{}", on.name), format!("visits/{}", on.name)];
         self.add(&format!("scores-{stage}/{}", on.name), "score", &scores, &[&own, &read[0], &read[1]]);
         if reach == 2 {
@@ -207,7 +209,8 @@ impl Maker {
         let trips = NavEpisodes { frame_rate: 10.0, samples, summary: None };
         let (frame, draws) = (on.map.frame(), Draws { seed: 1, input: &[3; 32] });
         let constant = on.map.free().map(|free| if *free { 1.0 } else { 0.0 });
-        let heats = [(Predictor::Model, heat), (Predictor::Constant, &constant)];
+        let guess = |predictor, heat| Guess { predictor, heat, reading: Reading::Probability };
+        let heats = [guess(Predictor::Model, heat), guess(Predictor::Constant, &constant)];
         let costs = social_costs(&trips.steps(), &heats, frame, &CostConfig::default(), &draws).expect("costs");
         let (map, own) = (format!("maps/{}", on.name), format!("trips/{}", on.name));
         self.add(&own, "navigate", &Placed::new(*frame, trips), &[&map]);
@@ -276,6 +279,8 @@ fn the_report_shows_a_finished_run() {
     assert_eq!(page.matches("aria-label=\"confusion matrix").count(), 6);
     for expected in [
         "AUC of the wall distance",
+        "All predictions side by side",
+        "Predictions against visits, by map",
         "heat-wide",
         "ρ of the wall distance",
         "Stuck paths",

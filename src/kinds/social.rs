@@ -4,7 +4,9 @@
 //! `prediction_rank`, `offset` f64. Then what belongs to the predictor on this map, the same in all its rows:
 //! `within_quarter`, `within_quarter_low`, `within_quarter_high`, `chance`, `chance_at_least`, and likewise `spearman` and
 //! `kendall` with their ends f64; these are null where they are not defined. `_low` and `_high` are the ends of 95 %
-//! intervals by the percentile bootstrap over episodes.
+//! intervals by the percentile bootstrap over episodes. `ahead` with its ends is Spearman's ρ less that of the constant heat,
+//! by a paired bootstrap. Where the predictor tells the density of people, `expected` is the expected value of eq. 2 for the
+//! episode, `slope` and `size_error` with their ends tell how well it agrees with the truth in size; else they are null.
 
 use std::sync::Arc;
 
@@ -13,7 +15,8 @@ use arrow::datatypes::{DataType, Float64Type, UInt32Type};
 
 use super::parquet::{Column, Layout, Table, wrong_value};
 use super::{KindError, SingleFile};
-use crate::domain::social::{EpisodeCost, Estimate, Predictor, PredictorCosts, SocialCosts};
+use crate::domain::score::Estimate;
+use crate::domain::social::{EpisodeCost, Pair, Predictor, PredictorCosts, SizeFit, SocialCosts};
 
 const KIND: &str = "SocialCosts";
 /// The columns of an estimate are its name alone and with these endings.
@@ -26,7 +29,9 @@ fn columns() -> Vec<Column> {
     columns.extend(["truth", "prediction", "truth_rank", "prediction_rank", "offset"].map(number));
     columns.extend(estimate("within_quarter"));
     columns.extend(["chance", "chance_at_least"].map(number));
-    columns.extend(["spearman", "kendall"].into_iter().flat_map(estimate).map(Column::nullable));
+    columns.extend(["spearman", "kendall", "ahead"].into_iter().flat_map(estimate).map(Column::nullable));
+    columns.push(number("expected").nullable());
+    columns.extend(["slope", "size_error"].into_iter().flat_map(estimate).map(Column::nullable));
     columns
 }
 
@@ -35,7 +40,7 @@ type Row<'a> = (&'a PredictorCosts, &'a EpisodeCost);
 
 impl SingleFile for SocialCosts {
     const NAME: &'static str = KIND;
-    const FORMAT: u32 = 2;
+    const FORMAT: u32 = 3;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
         let of = |costs| move |episode| (costs, episode);
@@ -52,9 +57,9 @@ impl SingleFile for SocialCosts {
         };
         let mut arrays: Vec<ArrayRef> = vec![
             Arc::new(StringArray::from_iter_values(rows.iter().map(|row| row.0.predictor.name()))),
-            Arc::new(UInt32Array::from_iter_values(rows.iter().map(|row| row.1.episode))),
-            episodes(|e| e.truth),
-            episodes(|e| e.prediction),
+            Arc::new(UInt32Array::from_iter_values(rows.iter().map(|row| row.1.costs.episode))),
+            episodes(|e| e.costs.truth),
+            episodes(|e| e.costs.prediction),
             episodes(|e| e.truth_rank),
             episodes(|e| e.prediction_rank),
             episodes(|e| e.offset),
@@ -63,6 +68,10 @@ impl SingleFile for SocialCosts {
         arrays.extend([figures(&|costs| Some(costs.chance)), figures(&|costs| Some(costs.chance_at_least))]);
         arrays.extend(estimate(|costs| costs.spearman));
         arrays.extend(estimate(|costs| costs.kendall));
+        arrays.extend(estimate(|costs| costs.ahead));
+        arrays.push(Arc::new(rows.iter().map(|row| row.1.costs.expected).collect::<Float64Array>()));
+        arrays.extend(estimate(|costs| Some(costs.size?.slope)));
+        arrays.extend(estimate(|costs| Some(costs.size?.error)));
         Layout::new(KIND, <Self as SingleFile>::FORMAT, columns()).bytes(arrays)
     }
 
@@ -89,16 +98,23 @@ impl SingleFile for SocialCosts {
     }
 }
 
-/// The columns of a file; where an estimate is not defined, all three parts are absent.
+/// The columns of an estimate; where it is not defined, all three are absent.
+type EstimateColumns = [Vec<Option<f64>>; 3];
+
+/// The columns of a file.
 struct Columns {
     names: Vec<String>,
     episodes: Vec<u32>,
     /// Truth, prediction, their ranks and the offset.
     costs: [Vec<f64>; 5],
-    within_quarter: [Vec<Option<f64>>; 3],
+    expected: Vec<Option<f64>>,
+    within_quarter: EstimateColumns,
     chance: [Vec<f64>; 2],
-    spearman: [Vec<Option<f64>>; 3],
-    kendall: [Vec<Option<f64>>; 3],
+    spearman: EstimateColumns,
+    kendall: EstimateColumns,
+    ahead: EstimateColumns,
+    slope: EstimateColumns,
+    size_error: EstimateColumns,
 }
 
 impl Columns {
@@ -110,25 +126,16 @@ impl Columns {
                 Some(row) => Err(wrong_value(KIND, name, row, values[row], "a finite number from 0")),
             }
         };
-        let figures = |name: &str, is_needed: bool| -> Result<Vec<Option<f64>>, KindError> {
-            let values = if is_needed {
-                table.numbers::<Float64Type>(name)?.into_iter().map(Some).collect()
-            } else {
-                table.optional::<Float64Type>(name)?
-            };
-            let wrong = |value: &Option<f64>| value.is_some_and(|value| !(-1.0..=1.0).contains(&value));
-            match values.iter().position(wrong) {
-                None => Ok(values),
-                Some(row) => {
-                    let value = values[row].expect("what is wrong is there");
-                    Err(wrong_value(KIND, name, row, value, "a figure from −1 to 1"))
-                }
-            }
-        };
-        let estimate = |name: &str, is_needed: bool| -> Result<[Vec<Option<f64>>; 3], KindError> {
-            let [value, low, high] = ENDS.map(|end| figures(&format!("{name}{end}"), is_needed));
+        let estimate = |name: &str, range: [f64; 2]| -> Result<EstimateColumns, KindError> {
+            let [value, low, high] = ENDS.map(|end| figures(table, &format!("{name}{end}"), range));
             Ok([value?, low?, high?])
         };
+        let needed = |name: &str| -> Result<Vec<Option<f64>>, KindError> {
+            table.numbers::<Float64Type>(name)?;
+            figures(table, name, [0.0, 1.0])
+        };
+        let [within, within_low, within_high] = ENDS.map(|end| needed(&format!("within_quarter{end}")));
+        let any = [-1e12, 1e12];
         Ok(Self {
             names: table.texts("predictor")?,
             episodes: table.numbers::<UInt32Type>("episode")?,
@@ -139,16 +146,20 @@ impl Columns {
                 numbers("prediction_rank")?,
                 numbers("offset")?,
             ],
-            within_quarter: estimate("within_quarter", true)?,
+            expected: figures(table, "expected", [0.0, 1e12])?,
+            within_quarter: [within?, within_low?, within_high?],
             chance: [numbers("chance")?, numbers("chance_at_least")?],
-            spearman: estimate("spearman", false)?,
-            kendall: estimate("kendall", false)?,
+            spearman: estimate("spearman", [-1.0, 1.0])?,
+            kendall: estimate("kendall", [-1.0, 1.0])?,
+            ahead: estimate("ahead", [-2.0, 2.0])?,
+            slope: estimate("slope", any)?,
+            size_error: estimate("size_error", any)?,
         })
     }
 
     /// Returns what belongs to a predictor, from its first row.
     fn predictor(&self, predictor: Predictor, row: usize) -> Result<PredictorCosts, KindError> {
-        let estimate = |name: &str, columns: &[Vec<Option<f64>>; 3]| -> Result<Option<Estimate>, KindError> {
+        let estimate = |name: &str, columns: &EstimateColumns| -> Result<Option<Estimate>, KindError> {
             match [columns[0][row], columns[1][row], columns[2][row]] {
                 [Some(value), Some(low), Some(high)] => Ok(Some(Estimate { value, low, high })),
                 [None, None, None] => Ok(None),
@@ -156,6 +167,11 @@ impl Columns {
             }
         };
         let within_quarter = estimate("within_quarter", &self.within_quarter)?;
+        let size = match (estimate("slope", &self.slope)?, estimate("size_error", &self.size_error)?) {
+            (Some(slope), Some(error)) => Some(SizeFit { slope, error }),
+            (None, None) => None,
+            _ => return Err(wrong_value(KIND, "slope", row, "null", "a slope where there is an error")),
+        };
         Ok(PredictorCosts {
             predictor,
             episodes: Vec::new(),
@@ -164,12 +180,28 @@ impl Columns {
             chance_at_least: self.chance[1][row],
             spearman: estimate("spearman", &self.spearman)?,
             kendall: estimate("kendall", &self.kendall)?,
+            ahead: estimate("ahead", &self.ahead)?,
+            size,
         })
     }
 
     fn episode(&self, row: usize) -> EpisodeCost {
         let [truth, prediction, truth_rank, prediction_rank, offset] =
             [0, 1, 2, 3, 4].map(|column: usize| self.costs[column][row]);
-        EpisodeCost { episode: self.episodes[row], truth, prediction, truth_rank, prediction_rank, offset }
+        let costs = Pair { episode: self.episodes[row], truth, prediction, expected: self.expected[row] };
+        EpisodeCost { costs, truth_rank, prediction_rank, offset }
+    }
+}
+
+/// Reads a column of figures in a range, which may have gaps.
+fn figures(table: &Table, name: &str, [least, most]: [f64; 2]) -> Result<Vec<Option<f64>>, KindError> {
+    let values = table.optional::<Float64Type>(name)?;
+    let wrong = |value: &Option<f64>| value.is_some_and(|value| !(least..=most).contains(&value));
+    match values.iter().position(wrong) {
+        None => Ok(values),
+        Some(row) => {
+            let value = values[row].expect("what is wrong is there");
+            Err(wrong_value(KIND, name, row, value, &format!("a figure from {least} to {most}")))
+        }
     }
 }

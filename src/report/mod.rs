@@ -14,6 +14,7 @@ pub mod bars;
 mod canvas;
 pub mod charts;
 mod colors;
+mod figures;
 pub mod html;
 pub mod picture;
 pub mod plain;

@@ -7,8 +7,8 @@ use crate::domain::geometry::{Cell, Frame, Grid};
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE, UNLABELED, class_weights};
 use crate::domain::raster::VisitCounts;
-use crate::domain::score::ClassScores;
-use crate::domain::social::{Estimate, SocialCosts};
+use crate::domain::score::{ClassScores, Measure};
+use crate::domain::social::SocialCosts;
 use crate::domain::tiles::{Target, Tiles};
 use crate::domain::tracks::Tracks;
 use crate::domain::unet::Architecture;
@@ -20,6 +20,7 @@ use super::ReportError;
 use super::amounts::seconds;
 use super::axis::number;
 use super::colors;
+use super::figures::{figure, measure_name, measured, percent, with_interval};
 use super::picture::Picture;
 use super::tracks::{self, PathCounter};
 
@@ -322,17 +323,28 @@ fn read_table(store: &Store, file: &FileRef) -> Result<DataFrame, ReportError> {
 }
 
 fn class_scores(scores: &ClassScores) -> Vec<(String, String)> {
-    let confusion = &scores.confusion;
-    vec![
-        fact("labeled cells", confusion.total()),
-        fact("AUC", figure(scores.auc)),
-        fact("AUC of the distance to the nearest wall", figure(scores.auc_wall_distance())),
+    let mut facts = Vec::new();
+    if let Some(floor) = &scores.floor {
+        facts.extend(Measure::ALL.map(|measure| fact(measure_name(measure), measured(measure, floor.of(measure)))));
+        facts.push(fact("doors", floor.doors));
+    }
+    facts.extend([
         fact("Spearman with visits", figure(scores.spearman_visits)),
         fact("Spearman of the distance to the nearest wall", figure(scores.spearman_wall_distance())),
-        fact("mean recall", figure(confusion.mean_recall())),
-        fact("quadratic kappa", figure(confusion.quadratic_kappa())),
-        fact("errors that hit an adjacent class", percent(confusion.adjacent_errors())),
-    ]
+    ]);
+    if scores.auc.is_some() {
+        facts.push(fact("AUC", figure(scores.auc)));
+        facts.push(fact("AUC of the distance to the nearest wall", figure(scores.auc_wall_distance())));
+    }
+    if let Some(confusion) = &scores.confusion {
+        facts.extend([
+            fact("labeled cells", confusion.total()),
+            fact("mean recall", figure(confusion.mean_recall())),
+            fact("quadratic kappa", figure(confusion.quadratic_kappa())),
+            fact("errors that hit an adjacent class", percent(confusion.adjacent_errors())),
+        ]);
+    }
+    facts
 }
 
 fn social_costs(costs: &SocialCosts) -> Vec<(String, String)> {
@@ -346,6 +358,10 @@ fn social_costs(costs: &SocialCosts) -> Vec<(String, String)> {
             percent(Some(costs.chance)),
         );
         facts.push(fact(costs.predictor.name(), figures));
+        let name = |what: &str| format!("{}, {what}", costs.predictor.name());
+        facts.extend(costs.ahead.map(|ahead| (name("Spearman ahead of constant"), with_interval(Some(ahead), figure))));
+        facts.extend(costs.size.map(|size| (name("true / expected cost"), with_interval(Some(size.slope), figure))));
+        facts.extend(costs.size.map(|size| (name("error of its size"), with_interval(Some(size.error), percent))));
     }
     facts
 }
@@ -384,25 +400,4 @@ fn share(part: usize, whole: usize) -> String {
 fn range(values: impl Iterator<Item = usize> + Clone) -> String {
     let (least, most) = (values.clone().min().unwrap_or(0), values.max().unwrap_or(0));
     if least == most { least.to_string() } else { format!("{least} to {most}") }
-}
-
-/// Writes a figure between −1 and 1 that may not be defined.
-pub(super) fn figure(value: Option<f64>) -> String {
-    value.map_or_else(|| "–".to_owned(), |value| format!("{value:.3}").replace('-', "−"))
-}
-
-/// Writes a share that may not be defined.
-pub(super) fn percent(value: Option<f64>) -> String {
-    value.map_or_else(|| "–".to_owned(), |value| format!("{:.1} %", 100.0 * value))
-}
-
-/// Writes a figure and in brackets the interval around it; `write` writes one number.
-pub(super) fn with_interval(estimate: Option<Estimate>, write: fn(Option<f64>) -> String) -> String {
-    let Some(Estimate { value, low, high }) = estimate else { return write(None) };
-    format!("{} [{}, {}]", write(Some(value)), write(Some(low)), write(Some(high)))
-}
-
-/// Writes a probability that may be very small.
-pub(super) fn probability(value: f64) -> String {
-    if value < 0.001 { "< 0.1 %".to_owned() } else { percent(Some(value)) }
 }

@@ -6,8 +6,9 @@ use serde_json::Value;
 
 use super::{Definition, kind, read, write};
 use crate::domain::geometry::Grid;
+use crate::domain::rank::relative_to_mean;
 use crate::domain::raster::VisitCounts;
-use crate::domain::social::{CostConfig, Draws, Predictor, SocialCosts, social_costs};
+use crate::domain::social::{CostConfig, Draws, Guess, Predictor, Reading, SocialCosts, social_costs};
 use crate::kinds::{Heat, NavEpisodes, Placed, outline};
 use crate::pipeline::stage::{
     Arity, Context, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
@@ -22,7 +23,7 @@ pub struct Cost(CostConfig);
 impl Definition for Cost {
     const SPEC: StageSpec = StageSpec {
         name: "cost",
-        version: 2,
+        version: 3,
         ports: &[
             Port { name: "trips", kind: "NavEpisodes", arity: Arity::One, doc: "Robots among pedestrians." },
             Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "The prediction for the same map." },
@@ -35,8 +36,9 @@ impl Definition for Cost {
         ],
         output: kind::<SocialCosts>(),
         seeded: true,
-        doc: "Compares true and predicted social costs of robots' paths (equations 2 and 3, section V-B), beside those of a \
-              constant heat and of visits on the same map.",
+        doc: "Compares true and predicted social costs of robots' paths (equations 2 and 3, section V-B) in order, and where \
+              the prediction tells the density of people in size, beside those of a constant heat and of visits on the same \
+              map.",
     };
 
     fn check(&self) -> Result<(), ParameterError> {
@@ -58,19 +60,49 @@ impl Stage for Cost {
         let (trips, digest): (Placed<NavEpisodes>, _) = read(context, inputs.one("trips"))?;
         let (heat, _): (Placed<Heat>, _) = read(context, inputs.one("heat"))?;
         super::same_frame("trips", &trips.frame, "heat", &heat.frame)?;
-        let constant = heat.value.free.map(|free| f32::from(u8::from(*free)));
         let visits: Option<Placed<VisitCounts>> =
             inputs.maybe("visits").map(|artifact| read(context, artifact)).transpose()?.map(|(visits, _)| visits);
         if let Some(visits) = &visits {
             super::same_frame("visits", &visits.frame, "heat", &heat.frame)?;
         }
-        let oracle = visits.map(|visits| visit_share(&visits.value));
-        let mut heats = vec![(Predictor::Model, &heat.value.heat), (Predictor::Constant, &constant)];
-        heats.extend(oracle.as_ref().map(|oracle| (Predictor::Oracle, oracle)));
+        let heat_grids = Grids::new(&heat.value, visits.as_ref().map(|visits| &visits.value));
         let draws = Draws { seed: context.seed, input: digest.as_bytes() };
-        let costs =
-            social_costs(&trips.value.steps(), &heats, &heat.frame, &self.0, &draws).map_err(StageError::failed)?;
+        let costs = social_costs(&trips.value.steps(), &heat_grids.guesses(), &heat.frame, &self.0, &draws)
+            .map_err(StageError::failed)?;
         write(context, &costs)
+    }
+}
+
+/// The heat of a model and those that it is held against, all read in the same way: as densities if the model tells one.
+struct Grids<'a> {
+    model: &'a Grid<f32>,
+    constant: Grid<f32>,
+    oracle: Option<Grid<f32>>,
+    reading: Reading,
+}
+
+impl<'a> Grids<'a> {
+    fn new(heat: &'a Heat, visits: Option<&VisitCounts>) -> Self {
+        let constant = heat.free.map(|free| f32::from(u8::from(*free)));
+        let free_cells = heat.free.as_slice().iter().filter(|free| **free).count();
+        match &heat.density {
+            Some(density) => Self {
+                model: density,
+                constant,
+                oracle: visits.and_then(|visits| relative_to_mean(&visits.counts, &heat.free)),
+                reading: Reading::Density { free_cells },
+            },
+            None => {
+                Self { model: &heat.heat, constant, oracle: visits.map(visit_share), reading: Reading::Probability }
+            }
+        }
+    }
+
+    fn guesses(&self) -> Vec<Guess<'_>> {
+        let guess = |predictor, heat| Guess { predictor, heat, reading: self.reading };
+        let mut all = vec![guess(Predictor::Model, self.model), guess(Predictor::Constant, &self.constant)];
+        all.extend(self.oracle.as_ref().map(|oracle| guess(Predictor::Oracle, oracle)));
+        all
     }
 }
 

@@ -7,7 +7,7 @@ use serde_json::Value;
 use super::{Definition, kind, read, write};
 use crate::domain::quantize::{Labels, class_weights};
 use crate::domain::raster::VisitCounts;
-use crate::domain::score::{ClassScores, Scored, score};
+use crate::domain::score::{ClassScores, ScoreError, Scored, score};
 use crate::kinds::{Checkpoint, Heat, Placed, outline};
 use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Part, Port, Stage, StageError, StageSpec};
 use crate::store::Store;
@@ -20,15 +20,15 @@ pub struct Score {}
 impl Definition for Score {
     const SPEC: StageSpec = StageSpec {
         name: "score",
-        version: 2,
+        version: 3,
         ports: &[
             Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "The prediction." },
-            Port { name: "labels", kind: "Labels", arity: Arity::One, doc: "The truth in classes." },
+            Port { name: "labels", kind: "Labels", arity: Arity::Optional, doc: "The truth in classes." },
             Port {
                 name: "visits",
                 kind: "VisitCounts",
                 arity: Arity::Optional,
-                doc: "The truth in counts, for Spearman's correlation.",
+                doc: "The truth in counts: what all figures of the whole floor are held against.",
             },
             Port {
                 name: "model",
@@ -39,7 +39,8 @@ impl Definition for Score {
         ],
         output: kind::<ClassScores>(),
         seeded: false,
-        doc: "Scores a prediction against labels: confusion matrix, IoU, recall, kappa, correlations, AUC (section V-A).",
+        doc: "Scores a prediction against visits, labels or both: rank correlations, AUC, divergence and earth mover's \
+              distance with intervals by a spatial block bootstrap; confusion matrix, IoU, recall, kappa (section V-A).",
     };
 }
 
@@ -49,35 +50,38 @@ impl Stage for Score {
     }
 
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
-        // Heat, classes and probabilities, labels, counts, and their ranks.
-        super::memory(outline(store, inputs.one("heat")).rows.saturating_mul(128))
+        // Heat, classes and probabilities, labels, counts, their ranks, and resamples of them on some threads.
+        super::memory(outline(store, inputs.one("heat")).rows.saturating_mul(384))
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
-        let (heat, _): (Placed<Heat>, _) = read(context, inputs.one("heat"))?;
-        let (labels, _): (Placed<Labels>, _) = read(context, inputs.one("labels"))?;
-        super::same_frame("heat", &heat.frame, "labels", &labels.frame)?;
-        let visits: Option<Placed<VisitCounts>> =
-            inputs.maybe("visits").map(|artifact| read(context, artifact)).transpose()?.map(|(visits, _)| visits);
-        if let Some(visits) = &visits {
+        let (heat, digest): (Placed<Heat>, _) = read(context, inputs.one("heat"))?;
+        let labels = inputs.maybe("labels").map(|artifact| read::<Placed<Labels>>(context, artifact)).transpose()?;
+        if let Some((labels, _)) = &labels {
+            super::same_frame("heat", &heat.frame, "labels", &labels.frame)?;
+        }
+        let visits =
+            inputs.maybe("visits").map(|artifact| read::<Placed<VisitCounts>>(context, artifact)).transpose()?;
+        if let Some((visits, _)) = &visits {
             super::same_frame("heat", &heat.frame, "visits", &visits.frame)?;
         }
-        let model: Option<Checkpoint> =
-            inputs.maybe("model").map(|artifact| read(context, artifact)).transpose()?.map(|(model, _)| model);
-        let weights = model.and_then(|model| model.config.counts().map(class_weights));
-        let predicted = heat.value.classes.as_ref().ok_or_else(|| StageError::Failed {
-            message: "`heat` predicts no classes to score".to_owned(),
-            help: None,
-            source: None,
-        })?;
+        let model = inputs.maybe("model").map(|artifact| read::<Checkpoint>(context, artifact)).transpose()?;
+        let weights = model.and_then(|(model, _)| model.config.counts().map(class_weights));
         let scored = Scored {
+            free: &heat.value.free,
             heat: &heat.value.heat,
-            predicted: &predicted.classes,
-            labels: &labels.value,
-            visits: visits.as_ref().map(|visits| &visits.value),
+            density: heat.value.density.as_ref(),
+            predicted: heat.value.classes.as_ref().map(|part| &part.classes),
+            labels: labels.as_ref().map(|(labels, _)| &labels.value),
+            visits: visits.as_ref().map(|(visits, _)| &visits.value),
             weights: weights.as_deref(),
         };
-        let scores = score(&scored).map_err(StageError::failed)?;
+        // All predictions of a map meet the same resamples of its visits.
+        let digest = visits.as_ref().map_or(digest, |(_, digest)| *digest);
+        let scores = score(&scored, heat.frame.resolution, digest.as_bytes()).map_err(|error| match error {
+            ScoreError::NoTruth => StageError::failed(error).with_help("connect `visits`, `labels` or both"),
+            error => StageError::failed(error),
+        })?;
         write(context, &scores)
     }
 }

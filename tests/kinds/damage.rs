@@ -212,4 +212,5 @@ fn damaged_bytes_never_panic() {
     check(&samples::tiles());
     check(&samples::trips());
     check(&samples::scores());
+    check(&samples::floor_only());
 }

@@ -47,8 +47,8 @@ fn bytes_are_a_function_of_the_value() {
             "Tiles 1 f0fc843817eda3e6",
             "Trajectories 2 dd87c0e9c6a8bbba",
             "NavEpisodes 2 4de0c2097ea3d8c0",
-            "ClassScores 2 58f1e0d20e91b5bb",
-            "SocialCosts 2 783eae76914f1b99",
+            "ClassScores 3 9f09ae7886e32c4f",
+            "SocialCosts 3 09cb5b1702ab991b",
             "Checkpoint 1 config.json 92c5b34320f9facc",
             "Checkpoint 1 metrics.parquet 0bac909c836a541d",
             "Checkpoint 1 model.safetensors 8dfb677edd4b761f",
@@ -122,6 +122,7 @@ fn examples_for_python() {
     write("ranks.parquet", samples::ranks().to_bytes().expect("encoded"));
     write("tiles.parquet", samples::tiles().to_bytes().expect("encoded"));
     write("trips.parquet", samples::trips().to_bytes().expect("encoded"));
+    write("floor.parquet", samples::floor_only().to_bytes().expect("encoded"));
     write("scores.parquet", samples::scores().to_bytes().expect("encoded"));
     write("costs.parquet", samples::costs().to_bytes().expect("encoded"));
     for chunk in 0..2 {

@@ -6,8 +6,8 @@ use trodden::domain::geometry::{Cell, Frame, Grid, Point};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::quantize::{ClassCounts, Labels};
 use trodden::domain::raster::VisitCounts;
-use trodden::domain::score::{ClassScores, Confusion};
-use trodden::domain::social::{EpisodeCost, Estimate, Predictor, PredictorCosts, SocialCosts};
+use trodden::domain::score::{ClassScores, Confusion, Estimate, FloorScores};
+use trodden::domain::social::{EpisodeCost, Pair, Predictor, PredictorCosts, SizeFit, SocialCosts};
 use trodden::domain::tiles::{NO_RANK, Target, Tiles};
 use trodden::domain::tracks::{Sample, Tracks, agent_id};
 use trodden::domain::unet::{Architecture, Array, EpochMetrics, Fit, TrainState};
@@ -101,27 +101,43 @@ pub fn trips() -> Placed<NavEpisodes> {
 
 pub fn scores() -> ClassScores {
     ClassScores {
-        confusion: Confusion::from_counts(Grid::from_vec(2, 3, vec![1, 30, 4, 0, 2, 9])),
+        confusion: Some(Confusion::from_counts(Grid::from_vec(2, 3, vec![1, 30, 4, 0, 2, 9]))),
         weights: Some(vec![0.125, 0.375, 0.5]),
         spearman_visits: Some(0.625),
         spearman_classes: Some(0.5),
         auc: Some(0.75),
         auc_farther_from_walls: None,
         spearman_farther_from_walls: Some(-0.25),
+        floor: Some(floor_scores()),
     }
+}
+
+fn floor_scores() -> FloorScores {
+    let estimate = |by: f64| Some(Estimate { value: 0.5 * by, low: 0.25 * by, high: 0.75 * by });
+    let estimates = [estimate(1.0), estimate(-1.0), estimate(1.0), None, estimate(4.0), estimate(8.0), estimate(1.0)];
+    FloorScores { estimates, doors: 6 }
+}
+
+/// Scores of a prediction without classes.
+pub fn floor_only() -> ClassScores {
+    ClassScores { confusion: None, weights: None, spearman_classes: None, auc: None, ..scores() }
 }
 
 pub fn costs() -> SocialCosts {
     let episode = |by: f64| {
         move |i: u32| EpisodeCost {
-            episode: i,
-            truth: f64::from(i) * 0.5,
-            prediction: by * (3.0 - f64::from(i)),
+            costs: Pair {
+                episode: i,
+                truth: f64::from(i) * 0.5,
+                prediction: by * (3.0 - f64::from(i)),
+                expected: (by > 1.0).then_some(by * 0.25 * f64::from(i)),
+            },
             truth_rank: f64::from(i + 1),
             prediction_rank: 3.0 - f64::from(i),
             offset: (2.0 - 2.0 * f64::from(i)).abs() / 4.0,
         }
     };
+    let estimate = |value: f64| Estimate { value, low: value - 0.25, high: value + 0.25 };
     let costs = |predictor: Predictor, by: f64| PredictorCosts {
         predictor,
         episodes: (0..3).map(episode(by)).collect(),
@@ -130,6 +146,8 @@ pub fn costs() -> SocialCosts {
         chance_at_least: 0.125,
         spearman: Some(Estimate { value: -1.0, low: -1.0, high: -0.25 * by }),
         kendall: None,
+        ahead: (by > 1.0).then(|| estimate(-1.25)),
+        size: (by > 1.0).then(|| SizeFit { slope: estimate(17.5), error: estimate(2.5) }),
     };
     SocialCosts { predictors: vec![costs(Predictor::Model, 1.0), costs(Predictor::Oracle, 2.0)] }
 }

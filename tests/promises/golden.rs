@@ -77,6 +77,13 @@ fn heat() -> Placed<Heat> {
     Placed::new(frame(), Heat::of_classes(heat, classes, (0..4).map(part).collect()))
 }
 
+/// A heat with density and without classes.
+fn ranks() -> Placed<Heat> {
+    let heat = on_free(0.0, |row, col| ((row * 5 + col) % 32) as f32 / 32.0);
+    let density = Some(heat.map(|heat| 2.0 * heat));
+    Placed::new(frame(), Heat { density, ..Heat::new(map().free().clone(), heat) })
+}
+
 /// Runs stages in a store of their own and notes what comes out.
 struct Bench {
     place: Place,
@@ -205,6 +212,9 @@ fn output_changes_only_with_a_version() {
     bench.check("navigate", robot, Part::Whole, &[("map", &map)]);
     bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &heat)]);
     bench.check("rank", json!({}), Part::Whole, &[("map", &map), ("visits", &visits), ("steps", &visits)]);
+    let walls = bench.put(&ranks());
+    bench.check("score", json!({}), Part::Whole, &[("heat", &walls), ("visits", &visits)]);
+    bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &walls), ("visits", &visits)]);
     let guesses = [
         ("wall-distance", json!({})),
         ("uniform", json!({})),
@@ -226,10 +236,12 @@ fn output_changes_only_with_a_version() {
         "quantize 1 a99bdda8331c742f",
         "quantize 1 bbe1b8ff943e230b",
         "tile 2 bd45e6435455d7e2",
-        "score 2 aa73f5ddf6550e7e",
+        "score 3 23a10bd1b3875863",
         "navigate 2 cba8cb0dc2ac3973",
-        "cost 2 871e97213c8ad662",
+        "cost 3 3f6ba027cfb18f33",
         "rank 1 496a82b1dfef1e6f",
+        "score 3 3dda59153ed319d8",
+        "cost 3 c66d2b415525f89a",
         "wall-distance 1 63e44d4938f0ad51",
         "uniform 1 c600cd2330f318eb",
         "betweenness 1 ba8e7e4e140817e9",

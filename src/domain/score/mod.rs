@@ -1,51 +1,69 @@
 //! How well predictions agree with simulated visits (section V-A of the paper).
 
+mod blocks;
 mod confusion;
+mod doors;
+mod estimate;
+mod floor;
 mod rank;
+mod spread;
+mod weighted;
 
 pub use confusion::Confusion;
+pub use estimate::Estimate;
+pub use floor::{FloorInput, FloorScores, Measure};
 pub use rank::{auc, kendall, ranks, spearman};
 
 use super::geometry::Grid;
 use super::map::squared_distances;
-use super::quantize::{Labels, OBSTACLE};
+use super::quantize::Labels;
 use super::raster::VisitCounts;
 
 /// What keeps a prediction from being scored.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[expect(missing_docs, reason = "the messages say what the variants and their fields are")]
 pub enum ScoreError {
-    #[error("the {what} has {rows} × {cols} cells, the labels {label_rows} × {label_cols}")]
-    SizeMismatch { what: &'static str, rows: usize, cols: usize, label_rows: usize, label_cols: usize },
+    #[error("the {what} has {rows} × {cols} cells, the heat {heat_rows} × {heat_cols}")]
+    SizeMismatch { what: &'static str, rows: usize, cols: usize, heat_rows: usize, heat_cols: usize },
     #[error("the prediction at row {row}, column {col} is class `{class}`, the labels have the classes 1 to {classes}")]
     Class { row: usize, col: usize, class: i8, classes: u8 },
     #[error("the labels have no labeled cell")]
     NoLabeledCell,
+    #[error("no free cell was visited")]
+    NoVisitedCell,
+    #[error("there is neither a label nor a visit to hold the prediction against")]
+    NoTruth,
     #[error("there are {found} class weights for the classes 0 to {classes}")]
     Weights { found: usize, classes: u8 },
 }
 
-/// A prediction and what it is held against, cell by cell.
+/// A prediction and what it is held against, cell by cell: labels, visits or both.
 #[derive(Debug, Clone, Copy)]
 pub struct Scored<'a> {
+    /// Free cells.
+    pub free: &'a Grid<bool>,
     /// Predicted heat, in any unit.
     pub heat: &'a Grid<f32>,
-    /// Predicted classes from 0 (obstacle) to C; read on labeled cells only.
-    pub predicted: &'a Grid<i8>,
+    /// Predicted density, if the prediction has it.
+    pub density: Option<&'a Grid<f32>>,
+    /// Predicted classes from 0 (obstacle) to C, if the prediction has classes; read on labeled cells only.
+    pub predicted: Option<&'a Grid<i8>>,
     /// True classes.
-    pub labels: &'a Labels,
-    /// True visits, where they are at hand.
+    pub labels: Option<&'a Labels>,
+    /// True visits.
     pub visits: Option<&'a VisitCounts>,
     /// Class weights 0 to C that scale the confusion matrix: those that the model was trained with. Weights of the labels'
     /// own cells would only norm its rows.
     pub weights: Option<&'a [f64]>,
 }
 
-/// How well a prediction agrees with the labeled cells of a map; figures that are not defined on them are `None`.
+/// How well a prediction agrees with the truth on a map; figures that are not defined are `None`.
+///
+/// Apart from `floor` they are figures of the labeled cells; without labels, of the visited ones.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ClassScores {
-    /// Cells by true and predicted class.
-    pub confusion: Confusion,
+    /// Cells by true and predicted class, if the prediction has classes and there are labels.
+    pub confusion: Option<Confusion>,
     /// Class weights 0 to C that [`scaled`](Self::scaled) uses, if the model is known.
     pub weights: Option<Vec<f64>>,
     /// Spearman's ρ of heat and visits.
@@ -60,13 +78,15 @@ pub struct ClassScores {
     /// Spearman's ρ of the distance to the nearest blocked cell and visits, or class where there are no visits; see
     /// [`spearman_wall_distance`](Self::spearman_wall_distance).
     pub spearman_farther_from_walls: Option<f64>,
+    /// Figures of the whole free floor, if there are visits.
+    pub floor: Option<FloorScores>,
 }
 
 impl ClassScores {
     /// Computes the confusion matrix scaled by the weights of the training, with entries that sum to 1 (fig. 2).
     #[must_use]
     pub fn scaled(&self) -> Option<Grid<f64>> {
-        self.weights.as_ref().map(|weights| self.confusion.scaled(weights))
+        Some(self.confusion.as_ref()?.scaled(self.weights.as_ref()?))
     }
 
     /// Returns the area under the ROC curve of the distance to the nearest wall in the direction that suits this map
@@ -82,62 +102,99 @@ impl ClassScores {
     pub fn spearman_wall_distance(&self) -> Option<f64> {
         self.spearman_farther_from_walls.map(f64::abs)
     }
+
+    /// Returns one of the figures of the whole floor.
+    #[must_use]
+    pub fn of(&self, measure: Measure) -> Option<Estimate> {
+        self.floor.as_ref()?.of(measure)
+    }
 }
 
-/// Scores a prediction on the labeled cells of a map.
+/// Scores a prediction on a map whose cells have an edge of `resolution` meters. `digest` is that of the visits: it names
+/// the resamples that intervals come from.
 ///
 /// # Errors
-/// [`ScoreError`] if sizes disagree, a labeled cell has no valid prediction, or there is no labeled cell.
-pub fn score(input: &Scored<'_>) -> Result<ClassScores, ScoreError> {
-    let labels = input.labels;
-    check_size("heat", input.heat, labels)?;
-    check_size("prediction", input.predicted, labels)?;
-    if let Some(visits) = input.visits {
-        check_size("grid of visits", &visits.counts, labels)?;
+/// [`ScoreError`] if sizes disagree, a labeled cell has no valid prediction, or there is nothing to hold it against.
+pub fn score(input: &Scored<'_>, resolution: f64, digest: &[u8; 32]) -> Result<ClassScores, ScoreError> {
+    check(input)?;
+    let classes = input.labels.map(|labels| labels.classes.as_slice());
+    let counts = input.visits.map(|visits| visits.counts.as_slice());
+    let is_known = |i: &usize| match (classes, counts) {
+        (Some(classes), _) => classes[*i] > 0,
+        (None, Some(counts)) => input.free.as_slice()[*i] && counts[*i] > 0,
+        (None, None) => false,
+    };
+    let known: Vec<usize> = (0..input.heat.len()).filter(is_known).collect();
+    if known.is_empty() {
+        return Err(if classes.is_some() { ScoreError::NoLabeledCell } else { ScoreError::NoVisitedCell });
     }
-    if let Some(weights) = input.weights.filter(|weights| weights.len() != usize::from(labels.count) + 1) {
-        return Err(ScoreError::Weights { found: weights.len(), classes: labels.count });
-    }
-    let classes = labels.classes.as_slice();
-    let labeled: Vec<usize> = (0..classes.len()).filter(|i| classes[*i] > OBSTACLE).collect();
-    if labeled.is_empty() {
-        return Err(ScoreError::NoLabeledCell);
-    }
+    let pick = |value: &dyn Fn(usize) -> f64| known.iter().map(|i| value(*i)).collect::<Vec<f64>>();
+    let heat = pick(&|i| f64::from(input.heat.as_slice()[i]));
+    // Any increasing function of the distance ranks the cells alike, so its square in cells will do.
+    let walls = squared_distances(input.free);
+    let walls = pick(&|i| walls.as_slice()[i]);
+    let visits = counts.map(|counts| pick(&|i| f64::from(counts[i])));
+    let levels = classes.map(|classes| pick(&|i| f64::from(classes[i])));
+    let frequent = classes.map(|classes| known.iter().map(|i| classes[*i] >= 2).collect::<Vec<bool>>());
+    let floor = input.visits.map(|visits| FloorInput {
+        free: input.free,
+        heat: input.heat,
+        density: input.density,
+        visits: &visits.counts,
+        resolution,
+        digest,
+    });
+    Ok(ClassScores {
+        confusion: confusion(input, &known)?,
+        weights: input.weights.map(<[f64]>::to_vec),
+        spearman_visits: visits.as_ref().and_then(|visits| spearman(&heat, visits)),
+        spearman_classes: levels.as_ref().and_then(|levels| spearman(&heat, levels)),
+        auc: frequent.as_ref().and_then(|frequent| auc(&heat, frequent)),
+        auc_farther_from_walls: frequent.as_ref().and_then(|frequent| auc(&walls, frequent)),
+        spearman_farther_from_walls: visits.as_ref().or(levels.as_ref()).and_then(|truth| spearman(&walls, truth)),
+        floor: floor.as_ref().map(FloorScores::new),
+    })
+}
+
+/// Counts the labeled cells by true and predicted class, if there are both.
+fn confusion(input: &Scored<'_>, labeled: &[usize]) -> Result<Option<Confusion>, ScoreError> {
+    let (Some(labels), Some(predicted)) = (input.labels, input.predicted) else { return Ok(None) };
     let mut confusion = Confusion::new(labels.count);
-    for &i in &labeled {
-        let class = input.predicted.as_slice()[i];
+    for &i in labeled {
+        let class = predicted.as_slice()[i];
         let valid = u8::try_from(class).ok().filter(|class| *class <= labels.count);
         let cell = labels.classes.cell_of(i);
         let predicted =
             valid.ok_or(ScoreError::Class { row: cell.row, col: cell.col, class, classes: labels.count })?;
-        confusion.count(classes[i].unsigned_abs(), predicted);
+        confusion.count(labels.classes.as_slice()[i].unsigned_abs(), predicted);
     }
-    let pick = |value: &dyn Fn(usize) -> f64| labeled.iter().map(|i| value(*i)).collect::<Vec<f64>>();
-    let heat = pick(&|i| f64::from(input.heat.as_slice()[i]));
-    let frequent: Vec<bool> = labeled.iter().map(|i| classes[*i] >= 2).collect();
-    // Any increasing function of the distance ranks the cells alike, so its square in cells will do.
-    let walls = squared_distances(&labels.classes.map(|class| *class != OBSTACLE));
-    let walls = pick(&|i| walls.as_slice()[i]);
-    let visits = input.visits.map(|visits| pick(&|i| f64::from(visits.counts.as_slice()[i])));
-    let levels = pick(&|i| f64::from(classes[i]));
-    Ok(ClassScores {
-        confusion,
-        weights: input.weights.map(<[f64]>::to_vec),
-        spearman_visits: visits.as_ref().and_then(|visits| spearman(&heat, visits)),
-        spearman_classes: spearman(&heat, &levels),
-        auc: auc(&heat, &frequent),
-        auc_farther_from_walls: auc(&walls, &frequent),
-        spearman_farther_from_walls: spearman(&walls, visits.as_ref().unwrap_or(&levels)),
-    })
+    Ok(Some(confusion))
 }
 
-fn check_size<T>(what: &'static str, grid: &Grid<T>, labels: &Labels) -> Result<(), ScoreError> {
-    let (rows, cols) = (grid.rows(), grid.cols());
-    let (label_rows, label_cols) = (labels.classes.rows(), labels.classes.cols());
-    if (rows, cols) == (label_rows, label_cols) {
-        return Ok(());
+/// Checks that grids are of one size, and that there is something to hold the prediction against.
+fn check(input: &Scored<'_>) -> Result<(), ScoreError> {
+    if input.labels.is_none() && input.visits.is_none() {
+        return Err(ScoreError::NoTruth);
     }
-    Err(ScoreError::SizeMismatch { what, rows, cols, label_rows, label_cols })
+    let (heat_rows, heat_cols) = (input.heat.rows(), input.heat.cols());
+    let size = |what: &'static str, rows: usize, cols: usize| {
+        if (rows, cols) == (heat_rows, heat_cols) {
+            return Ok(());
+        }
+        Err(ScoreError::SizeMismatch { what, rows, cols, heat_rows, heat_cols })
+    };
+    size("grid of free cells", input.free.rows(), input.free.cols())?;
+    input.density.map_or(Ok(()), |density| size("density", density.rows(), density.cols()))?;
+    input.predicted.map_or(Ok(()), |predicted| size("prediction", predicted.rows(), predicted.cols()))?;
+    input.visits.map_or(Ok(()), |visits| size("grid of visits", visits.counts.rows(), visits.counts.cols()))?;
+    let Some(labels) = input.labels else { return Ok(()) };
+    size("grid of labels", labels.classes.rows(), labels.classes.cols())?;
+    match input.weights {
+        Some(weights) if weights.len() != usize::from(labels.count) + 1 => {
+            Err(ScoreError::Weights { found: weights.len(), classes: labels.count })
+        }
+        _ => Ok(()),
+    }
 }
 
 #[cfg(test)]
@@ -152,18 +209,44 @@ mod tests {
         }
     }
 
+    fn free() -> Grid<bool> {
+        labels().classes.map(|class| *class != 0)
+    }
+
+    /// A prediction with classes, held against labels alone.
+    fn against<'a>(
+        free: &'a Grid<bool>,
+        heat: &'a Grid<f32>,
+        predicted: &'a Grid<i8>,
+        labels: &'a Labels,
+    ) -> Scored<'a> {
+        Scored {
+            free,
+            heat,
+            density: None,
+            predicted: Some(predicted),
+            labels: Some(labels),
+            visits: None,
+            weights: None,
+        }
+    }
+
+    fn scored(input: &Scored<'_>) -> Result<ClassScores, ScoreError> {
+        score(input, 0.1, &[0; 32])
+    }
+
     #[test]
     fn a_perfect_prediction_scores_perfectly() {
-        let labels = labels();
+        let (labels, free) = (labels(), free());
         let heat = labels.classes.map(|class| f32::from(*class) / 3.0);
         let counts = labels.classes.map(|class| 10 * u32::from(class.max(&0).unsigned_abs()));
         let visits = VisitCounts { counts, paths: 30 };
-        let input =
-            Scored { heat: &heat, predicted: &labels.classes, labels: &labels, visits: Some(&visits), weights: None };
-        let scores = score(&input).expect("scores");
-        assert_eq!(scores.confusion.total(), 11);
-        assert_eq!(scores.confusion.mean_recall(), Some(1.0));
-        assert_eq!((scores.auc, scores.confusion.quadratic_kappa()), (Some(1.0), Some(1.0)));
+        let input = Scored { visits: Some(&visits), ..against(&free, &heat, &labels.classes, &labels) };
+        let scores = scored(&input).expect("scores");
+        let confusion = scores.confusion.as_ref().expect("there are classes and labels");
+        assert_eq!(confusion.total(), 11);
+        assert_eq!(confusion.mean_recall(), Some(1.0));
+        assert_eq!((scores.auc, confusion.quadratic_kappa()), (Some(1.0), Some(1.0)));
         assert!((scores.spearman_visits.expect("visits are given") - 1.0).abs() < 1e-12);
         assert!((scores.spearman_classes.expect("classes differ") - 1.0).abs() < 1e-12);
         // The middle row is two cells from the walls and the outside, but for its ends, which tie with the outer rows:
@@ -176,27 +259,24 @@ mod tests {
         assert!((scores.spearman_wall_distance().expect("distances differ") - expected).abs() < 1e-12);
         // The model is not known, so neither are the weights that it was trained with.
         assert_eq!(scores.scaled(), None);
+        let visited = scores.of(Measure::SpearmanVisited).expect("visits are given");
+        assert!((visited.value - 1.0).abs() < 1e-12);
     }
 
     #[test]
     fn only_labeled_cells_count() {
-        let labels = labels();
+        let (labels, free) = (labels(), free());
         let heat = Grid::filled(5, 4, 0.5f32);
         let mut predicted = Grid::filled(5, 4, -1i8);
         for cell in labels.classes.cells().filter(|cell| labels.classes[*cell] > 0) {
             predicted[cell] = 2;
         }
-        let input = Scored {
-            heat: &heat,
-            predicted: &predicted,
-            labels: &labels,
-            visits: None,
-            weights: Some(&[0.1, 0.2, 0.3, 0.4]),
-        };
-        let scores = score(&input).expect("scores");
-        assert_eq!(scores.confusion.recall(), [Some(0.0), Some(1.0), Some(0.0)]);
+        let input = Scored { weights: Some(&[0.1, 0.2, 0.3, 0.4]), ..against(&free, &heat, &predicted, &labels) };
+        let scores = scored(&input).expect("scores");
+        let confusion = scores.confusion.as_ref().expect("there are classes and labels");
+        assert_eq!(confusion.recall(), [Some(0.0), Some(1.0), Some(0.0)]);
         assert_eq!((scores.auc, scores.spearman_visits, scores.spearman_classes), (Some(0.5), None, None));
-        assert_eq!(scores.confusion.adjacent_errors(), Some(1.0));
+        assert_eq!((confusion.adjacent_errors(), &scores.floor), (Some(1.0), &None));
         // 7 cells of class 1 at 0.2, 3 of class 2 at 0.3 and 1 of class 3 at 0.4, all of them in column 2, over their sum 2.7.
         let scaled = scores.scaled().expect("weights are given");
         for (class, expected) in [1.4, 0.9, 0.4].into_iter().enumerate() {
@@ -205,24 +285,46 @@ mod tests {
     }
 
     #[test]
+    fn visits_alone_are_enough() {
+        let (labels, free) = (labels(), free());
+        let heat = labels.classes.map(|class| f32::from((*class).max(0)) / 3.0);
+        // The unlabeled cell is not visited.
+        let counts = labels.classes.map(|class| 10 * u32::from(class.max(&0).unsigned_abs()));
+        let visits = VisitCounts { counts, paths: 30 };
+        let all = Scored { visits: Some(&visits), ..against(&free, &heat, &labels.classes, &labels) };
+        let with_labels = scored(&all).expect("scores");
+        let without = scored(&Scored { labels: None, predicted: None, ..all }).expect("scores");
+        assert_eq!((&without.confusion, without.auc, without.spearman_classes), (&None, None, None));
+        assert_eq!(without.spearman_visits, with_labels.spearman_visits);
+        assert_eq!(without.spearman_farther_from_walls, with_labels.spearman_farther_from_walls);
+        assert_eq!(without.floor, with_labels.floor);
+        let nobody = VisitCounts::none(5, 4);
+        let input = Scored { labels: None, visits: Some(&nobody), ..all };
+        assert_eq!(scored(&input), Err(ScoreError::NoVisitedCell));
+        assert_eq!(scored(&Scored { visits: None, ..input }), Err(ScoreError::NoTruth));
+    }
+
+    #[test]
     fn what_cannot_be_scored_is_named() {
-        let labels = labels();
+        let (labels, free) = (labels(), free());
         let heat = Grid::filled(5, 4, 0.5f32);
         let predicted = Grid::filled(5, 4, 1i8);
-        let good = Scored { heat: &heat, predicted: &predicted, labels: &labels, visits: None, weights: None };
+        let good = against(&free, &heat, &predicted, &labels);
         let small = Grid::filled(5, 3, 0.5f32);
-        let error = score(&Scored { heat: &small, ..good }).expect_err("another size");
-        assert_eq!(error.to_string(), "the heat has 5 × 3 cells, the labels 5 × 4");
+        let error = scored(&Scored { heat: &small, ..good }).expect_err("another size");
+        assert_eq!(error.to_string(), "the grid of free cells has 5 × 4 cells, the heat 5 × 3");
+        let error = scored(&Scored { density: Some(&small), ..good }).expect_err("another size");
+        assert_eq!(error.to_string(), "the density has 5 × 3 cells, the heat 5 × 4");
         let wild = Grid::filled(5, 4, 4i8);
-        let error = score(&Scored { predicted: &wild, ..good }).expect_err("no such class");
+        let error = scored(&Scored { predicted: Some(&wild), ..good }).expect_err("no such class");
         assert_eq!(
             error.to_string(),
             "the prediction at row 1, column 0 is class `4`, the labels have the classes 1 to 3"
         );
         let blank = Labels { classes: Grid::filled(5, 4, -1), count: 3 };
-        assert_eq!(score(&Scored { labels: &blank, ..good }), Err(ScoreError::NoLabeledCell));
+        assert_eq!(scored(&Scored { labels: Some(&blank), ..good }), Err(ScoreError::NoLabeledCell));
         let weights = [0.5, 0.5];
-        let error = score(&Scored { weights: Some(&weights), ..good }).expect_err("too few weights");
+        let error = scored(&Scored { weights: Some(&weights), ..good }).expect_err("too few weights");
         assert_eq!(error, ScoreError::Weights { found: 2, classes: 3 });
     }
 }

@@ -4,14 +4,12 @@ use rayon::prelude::*;
 
 use super::error::SocialError;
 use crate::domain::random::Stream;
-use crate::domain::score::{kendall, ranks, spearman};
+use crate::domain::score::{Estimate, kendall, ranks, spearman};
 
 /// Permutations that tell what chance gives.
 const PERMUTATIONS: u32 = 10_000;
 /// Resamples of the episodes that the intervals come from.
 const RESAMPLES: u64 = 1_000;
-/// Share of the resamples that lies outside of an interval.
-const OUTSIDE: f64 = 0.05;
 
 /// Who predicts the heat that costs are predicted from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -39,15 +37,24 @@ impl Predictor {
     }
 }
 
-/// Costs and ranks of one episode.
+/// What an episode did cost, and what a predictor says that it would.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct EpisodeCost {
+pub struct Pair {
     /// Number of the episode.
     pub episode: u32,
     /// Cost by eq. 2.
     pub truth: f64,
     /// Cost by eq. 3.
     pub prediction: f64,
+    /// The expected value of eq. 2, if the predictor tells the density of people.
+    pub expected: Option<f64>,
+}
+
+/// Costs and ranks of one episode.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct EpisodeCost {
+    /// The costs.
+    pub costs: Pair,
     /// Rank by truth, from 1 for the lowest cost; ties share the average.
     pub truth_rank: f64,
     /// Rank by prediction.
@@ -56,15 +63,13 @@ pub struct EpisodeCost {
     pub offset: f64,
 }
 
-/// A figure with the interval that holds it in 95 % of samples, by the percentile bootstrap over episodes.
+/// How well expected costs agree with true ones in size.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Estimate {
-    /// The figure of the episodes themselves.
-    pub value: f64,
-    /// The 2.5th percentile of the figure over resamples of the episodes.
-    pub low: f64,
-    /// The 97.5th percentile.
-    pub high: f64,
+pub struct SizeFit {
+    /// Slope of the line through the origin that fits the truths best, by least squares: 1 if they are as large as expected.
+    pub slope: Estimate,
+    /// Root of the mean squared difference of truth and expectation, divided by the mean truth.
+    pub error: Estimate,
 }
 
 /// How well the costs that one predictor gives order the episodes of a map.
@@ -85,6 +90,11 @@ pub struct PredictorCosts {
     pub spearman: Option<Estimate>,
     /// Kendall's τ-b of the costs; `None` as with `spearman`.
     pub kendall: Option<Estimate>,
+    /// Spearman's ρ less that of the constant heat on the same episodes, by a paired bootstrap; `None` for the constant heat
+    /// itself, and where either is not defined.
+    pub ahead: Option<Estimate>,
+    /// How well the costs agree in size, if the predictor tells the density of people and neither costs nothing.
+    pub size: Option<SizeFit>,
 }
 
 /// How well predicted costs order the episodes of a map, by predictor.
@@ -127,85 +137,102 @@ struct Figures {
     within_quarter: f64,
     spearman: Option<f64>,
     kendall: Option<f64>,
+    ahead: Option<f64>,
+    slope: Option<f64>,
+    error: Option<f64>,
 }
 
 impl Figures {
-    fn of(truths: &[f64], predictions: &[f64]) -> Self {
-        let hits = hits_within_quarter(&ranks(truths), &ranks(predictions));
+    /// Computes the figures; `constant` are the predictions of the constant heat for the same episodes.
+    fn of(sample: &[Pair], constant: Option<&[f64]>) -> Self {
+        let truths: Vec<f64> = sample.iter().map(|costs| costs.truth).collect();
+        let predictions: Vec<f64> = sample.iter().map(|costs| costs.prediction).collect();
+        let hits = hits_within_quarter(&ranks(&truths), &ranks(&predictions));
+        let rho = spearman(&truths, &predictions);
+        let (slope, error) = size(sample).unzip();
         Self {
             within_quarter: hits as f64 / truths.len() as f64,
-            spearman: spearman(truths, predictions),
-            kendall: kendall(truths, predictions),
+            spearman: rho,
+            kendall: kendall(&truths, &predictions),
+            ahead: constant.and_then(|constant| Some(rho? - spearman(&truths, constant)?)),
+            slope,
+            error,
         }
     }
 }
 
-/// Compares the orders that true and predicted costs give, each entry (episode, truth, prediction).
+/// Computes slope and error of the sizes of costs; `None` if they are not told, or nothing is expected or was.
+fn size(sample: &[Pair]) -> Option<(f64, f64)> {
+    let (mut te, mut ee, mut squares, mut truths) = (0.0, 0.0, 0.0, 0.0);
+    for Pair { truth, expected, .. } in sample {
+        let expected = (*expected)?;
+        te += truth * expected;
+        ee += expected * expected;
+        squares += (truth - expected) * (truth - expected);
+        truths += truth;
+    }
+    let count = sample.len() as f64;
+    (ee > 0.0 && truths > 0.0).then(|| (te / ee, (squares / count).sqrt() / (truths / count)))
+}
+
+/// Compares the orders that true and predicted costs give, and their sizes where they are told. `constant` are the
+/// predictions of the constant heat, episode by episode.
 ///
 /// # Errors
 /// [`SocialError::NoEpisode`] if there is none.
-pub fn compare(predictor: Predictor, costs: &[(u32, f64, f64)], draws: &Draws) -> Result<PredictorCosts, SocialError> {
+///
+/// # Panics
+/// If `constant` has not one entry an episode.
+pub fn compare(
+    predictor: Predictor,
+    costs: &[Pair],
+    constant: Option<&[f64]>,
+    draws: &Draws,
+) -> Result<PredictorCosts, SocialError> {
     if costs.is_empty() {
         return Err(SocialError::NoEpisode);
     }
-    let truths: Vec<f64> = costs.iter().map(|cost| cost.1).collect();
-    let predictions: Vec<f64> = costs.iter().map(|cost| cost.2).collect();
-    let (truth_ranks, prediction_ranks) = (ranks(&truths), ranks(&predictions));
+    assert!(constant.is_none_or(|constant| constant.len() == costs.len()), "one prediction an episode");
+    let truth_ranks = ranks(&costs.iter().map(|costs| costs.truth).collect::<Vec<f64>>());
+    let prediction_ranks = ranks(&costs.iter().map(|costs| costs.prediction).collect::<Vec<f64>>());
     let n = costs.len() as f64;
     let entry = |i: usize| EpisodeCost {
-        episode: costs[i].0,
-        truth: truths[i],
-        prediction: predictions[i],
+        costs: costs[i],
         truth_rank: truth_ranks[i],
         prediction_rank: prediction_ranks[i],
         offset: (truth_ranks[i] - prediction_ranks[i]).abs() / n,
     };
-    let found = Figures::of(&truths, &predictions);
-    let resampled = resample(&truths, &predictions, draws);
+    let found = Figures::of(costs, constant);
+    let resampled = resample(costs, constant, draws);
     let interval = |value: f64, figure: &dyn Fn(&Figures) -> Option<f64>| {
-        let [low, high] = middle(resampled.iter().filter_map(figure).collect(), value);
-        Estimate { value, low, high }
+        Estimate::of(value, resampled.iter().filter_map(figure).collect())
     };
+    let maybe = |figure: &dyn Fn(&Figures) -> Option<f64>| figure(&found).map(|value| interval(value, figure));
     let (chance, chance_at_least) = chance(&truth_ranks, prediction_ranks.clone(), draws);
+    let size = maybe(&|figures| figures.slope).zip(maybe(&|figures| figures.error));
     Ok(PredictorCosts {
         predictor,
         episodes: (0..costs.len()).map(entry).collect(),
         within_quarter: interval(found.within_quarter, &|figures| Some(figures.within_quarter)),
         chance,
         chance_at_least,
-        spearman: found.spearman.map(|value| interval(value, &|figures| figures.spearman)),
-        kendall: found.kendall.map(|value| interval(value, &|figures| figures.kendall)),
+        spearman: maybe(&|figures| figures.spearman),
+        kendall: maybe(&|figures| figures.kendall),
+        ahead: maybe(&|figures| figures.ahead),
+        size: size.map(|(slope, error)| SizeFit { slope, error }),
     })
 }
 
 /// Computes the figures of samples that are drawn from the episodes with replacement, as many as there are.
-fn resample(truths: &[f64], predictions: &[f64], draws: &Draws) -> Vec<Figures> {
+fn resample(costs: &[Pair], constant: Option<&[f64]>, draws: &Draws) -> Vec<Figures> {
     let figures = |number: u64| {
         let mut stream = draws.resample(number);
-        let (mut some_truths, mut some_predictions) =
-            (Vec::with_capacity(truths.len()), Vec::with_capacity(truths.len()));
-        for _ in 0..truths.len() {
-            let i = stream.below(truths.len());
-            some_truths.push(truths[i]);
-            some_predictions.push(predictions[i]);
-        }
-        Figures::of(&some_truths, &some_predictions)
+        let drawn: Vec<usize> = costs.iter().map(|_| stream.below(costs.len())).collect();
+        let sample: Vec<Pair> = drawn.iter().map(|i| costs[*i]).collect();
+        let constant = constant.map(|constant| drawn.iter().map(|i| constant[*i]).collect::<Vec<f64>>());
+        Figures::of(&sample, constant.as_deref())
     };
     (0..RESAMPLES).into_par_iter().map(figures).collect()
-}
-
-/// Returns the percentiles that enclose the middle of some values, interpolated; twice `otherwise` if there are none.
-fn middle(mut values: Vec<f64>, otherwise: f64) -> [f64; 2] {
-    if values.is_empty() {
-        return [otherwise; 2];
-    }
-    values.sort_by(f64::total_cmp);
-    [0.5 * OUTSIDE, 1.0 - 0.5 * OUTSIDE].map(|share| {
-        let at = share * (values.len() - 1) as f64;
-        let (before, part) = (at.floor() as usize, at.fract());
-        let after = (before + 1).min(values.len() - 1);
-        values[before] + (values[after] - values[before]) * part
-    })
 }
 
 /// Returns the mean share of ranks within a quarter over random orders of the predictions, and how likely a random order
@@ -237,8 +264,18 @@ mod tests {
 
     const DRAWS: Draws = Draws { seed: 3, input: &[0; 32] };
 
+    fn pairs(costs: &[(u32, f64, f64)]) -> Vec<Pair> {
+        let pair = |(episode, truth, prediction): &(u32, f64, f64)| Pair {
+            episode: *episode,
+            truth: *truth,
+            prediction: *prediction,
+            expected: None,
+        };
+        costs.iter().map(pair).collect()
+    }
+
     fn compared(costs: &[(u32, f64, f64)]) -> PredictorCosts {
-        compare(Predictor::Model, costs, &DRAWS).expect("costs")
+        compare(Predictor::Model, &pairs(costs), None, &DRAWS).expect("costs")
     }
 
     /// Draws truths, and predictions that are `share` truth and the rest noise.
@@ -295,18 +332,38 @@ mod tests {
     }
 
     #[test]
-    fn percentiles_of_a_small_sample() {
-        // Of 0, 1, … 40 the 2.5th percentile is 1 and the 97.5th 39; between values it is interpolated.
-        assert_eq!(middle((0..=40).rev().map(f64::from).collect(), 7.0), [1.0, 39.0]);
-        let [low, high] = middle(vec![0.0, 1.0], 7.0);
-        assert!((low - 0.025).abs() < 1e-12 && (high - 0.975).abs() < 1e-12, "{low} {high}");
-        assert_eq!(middle(Vec::new(), 7.0), [7.0, 7.0]);
-    }
-
-    #[test]
     fn figures_that_are_not_defined_are_none() {
         let flat = compared(&[(0, 1.0, 2.0), (1, 2.0, 2.0), (2, 3.0, 2.0)]);
         assert_eq!((flat.spearman, flat.kendall), (None, None));
-        assert_eq!(compare(Predictor::Oracle, &[], &DRAWS), Err(SocialError::NoEpisode));
+        assert_eq!(compare(Predictor::Oracle, &[], None, &DRAWS), Err(SocialError::NoEpisode));
+        assert_eq!((flat.ahead, flat.size), (None, None));
+    }
+
+    #[test]
+    fn who_knows_more_is_ahead() {
+        let costs = pairs(&noisy(300, 0.8));
+        let constant: Vec<f64> = noisy(600, 0.0)[300..].iter().map(|costs| costs.2).collect();
+        let found = compare(Predictor::Model, &costs, Some(&constant), &DRAWS).expect("costs");
+        let ahead = found.ahead.expect("both are defined");
+        let truths: Vec<f64> = costs.iter().map(|costs| costs.truth).collect();
+        let difference = found.spearman.expect("defined").value - spearman(&truths, &constant).expect("defined");
+        assert!((ahead.value - difference).abs() < 1e-12 && ahead.is_above(0.5), "{ahead:?}");
+        // The same predictions are never ahead of themselves.
+        let same: Vec<f64> = costs.iter().map(|costs| costs.prediction).collect();
+        let found = compare(Predictor::Model, &costs, Some(&same), &DRAWS).expect("costs");
+        assert_eq!(found.ahead, Some(Estimate { value: 0.0, low: 0.0, high: 0.0 }));
+    }
+
+    #[test]
+    fn sizes_are_held_against_each_other() {
+        let pair = |episode, truth, expected| Pair { episode, truth, prediction: expected, expected: Some(expected) };
+        // Slope (2·1 + 4·2 + 6·4)/(1 + 4 + 16) = 34/21; differences 1, 2, 2: √3 over the mean truth 4.
+        let costs = [pair(0, 2.0, 1.0), pair(1, 4.0, 2.0), pair(2, 6.0, 4.0)];
+        let SizeFit { slope, error } =
+            compare(Predictor::Model, &costs, None, &DRAWS).expect("costs").size.expect("both are there");
+        assert!((slope.value - 34.0 / 21.0).abs() < 1e-12 && (error.value - 3f64.sqrt() / 4.0).abs() < 1e-12);
+        assert!(slope.low >= 1.5 && slope.high <= 2.0 && error.low > 0.0, "{slope:?} {error:?}");
+        let nothing = [pair(0, 0.0, 1.0), pair(1, 0.0, 2.0)];
+        assert_eq!(compare(Predictor::Model, &nothing, None, &DRAWS).expect("costs").size, None);
     }
 }

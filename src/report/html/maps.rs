@@ -121,10 +121,11 @@ impl Source<'_> {
         match read {
             Err(message) => missing("Confusion matrices", &message),
             Ok(found) => {
-                let counts: Grid<f64> = found.confusion.counts().map(|count| *count as f64);
+                let Some(matrix) = &found.confusion else { return Fragment::whole(String::new()) };
+                let counts: Grid<f64> = matrix.counts().map(|count| *count as f64);
                 let mut charts = vec![
                     confusion(&counts, Shade::Counts, "cells"),
-                    confusion(&found.confusion.row_normalized(), Shade::Shares, "share of the true class"),
+                    confusion(&matrix.row_normalized(), Shade::Shares, "share of the true class"),
                 ];
                 let scaled = found.scaled();
                 charts.extend(scaled.map(|scaled| confusion(&scaled, Shade::Relative, "scaled by the class weights")));
@@ -276,6 +277,9 @@ fn compared(source: &Source<'_>, heats: &[&RunNode]) -> Fragment {
     for heat in heats {
         for scores in source.lineage.made_from(heat, "ClassScores") {
             let matrices = source.matrices(scores);
+            if matrices.html.is_empty() {
+                continue;
+            }
             parts.push(gathered(&[matrices], |matrices| {
                 html! {
                     details { summary { "Confusion matrices of " code { (stage_name(heat)) } } (matrices) }

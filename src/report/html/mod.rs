@@ -2,10 +2,12 @@
 //!
 //! Everything it shows is in it: rasters as PNG in data URIs, everything else as text and SVG. It finds what to show by the
 //! kinds of the nodes and by what reads what, so it works for any pipeline. What costs time is drawn once and kept
-//! ([`cache`]); only the head, the graph of stages and the table of nodes are drawn for each run.
+//! ([`cache`]); only the head, the leading table, the graph of stages and the table of nodes are drawn for each run.
 
+mod by_map;
 mod cache;
 mod figure;
+mod lead;
 mod lineage;
 mod maps;
 mod nodes;
@@ -37,8 +39,9 @@ pub fn write(store: &Store, run: &Run) -> Result<PathBuf, ReportError> {
 pub fn render(store: &Store, run: &Run) -> String {
     let lineage = Lineage::new(run);
     let cache = Cache::of(store);
-    let results = cache.fragment(&fingerprint(run), || results(&Source { store, cache: &cache, lineage: &lineage }));
-    page::page(&lineage, &results.html)
+    let source = Source { store, cache: &cache, lineage: &lineage };
+    let results = cache.fragment(&fingerprint(run), || results(&source));
+    page::page(&lineage, &lead::section(&source), &results.html)
 }
 
 /// Names all that the results depend on.

@@ -3,14 +3,15 @@
 use maud::{Markup, PreEscaped, html};
 use rayon::prelude::*;
 
-use super::Source;
 use super::cache::Fragment;
 use super::lineage::{member_name, stage_name};
+use super::{Source, by_map};
 use crate::domain::crowd::Summary;
-use crate::domain::score::ClassScores;
-use crate::domain::social::{Estimate, Predictor, PredictorCosts, SocialCosts};
+use crate::domain::score::{ClassScores, Confusion, Estimate};
+use crate::domain::social::{Predictor, PredictorCosts, SocialCosts};
 use crate::report::charts::{BoxRow, box_plot};
-use crate::report::shown::{crowd_summary, figure, percent, probability, with_interval};
+use crate::report::figures::{figure, percent, probability, with_interval};
+use crate::report::shown::crowd_summary;
 use crate::store::{Artifact, RunNode};
 
 /// Shows key figures, tables of them and the box plots of rank offsets.
@@ -27,12 +28,18 @@ pub(super) fn section(source: &Source<'_>) -> Fragment {
         section id="figures" {
             h2 { "Key figures" }
             (cards(&scores, &costs, &crowds))
-            @if !scores.is_empty() { (score_table(source, &scores)) }
+            @if scores.iter().any(has_labels) { (score_table(source, &scores)) }
+            (by_map::table(source, &scores))
             @if !costs.is_empty() { (cost_table(&costs)) }
             @if !crowds.is_empty() { (crowd_table(&crowds)) }
         }
     };
     Fragment { html: html.into_string(), whole }
+}
+
+/// Tells whether a prediction was scored against labels, or could not be read.
+fn has_labels((_, read): &ReadNode<'_, ClassScores>) -> bool {
+    read.as_ref().map_or(true, |scores| scores.auc.is_some() || scores.confusion.is_some())
 }
 
 type ReadNode<'r, T> = (&'r RunNode, Result<T, String>);
@@ -80,6 +87,11 @@ fn main_stage<'a, T>(read: &'a [ReadNode<'_, T>]) -> Vec<&'a T> {
     read.iter().filter(|(node, _)| Some(stage_name(node)) == first).filter_map(|(_, read)| read.as_ref().ok()).collect()
 }
 
+/// Computes a figure of the confusion matrix, if there is one.
+fn of_classes(figure: fn(&Confusion) -> Option<f64>) -> impl Fn(&&ClassScores) -> Option<f64> {
+    move |scores| figure(scores.confusion.as_ref()?)
+}
+
 fn cards(
     scores: &[ReadNode<'_, ClassScores>],
     costs: &[ReadNode<'_, SocialCosts>],
@@ -89,20 +101,22 @@ fn cards(
     let over = |count: usize| if count == 1 { "on one map".to_owned() } else { format!("mean of {count} maps") };
     let mut cards: Vec<(&str, String, String)> = Vec::new();
     if !main.is_empty() {
-        let wall = figure(mean(main.iter().map(|s| s.auc_wall_distance())));
-        cards.push(("AUC", figure(mean(main.iter().map(|s| s.auc))), format!("distance to the nearest wall: {wall}")));
+        if main.iter().any(|scores| scores.auc.is_some()) {
+            let wall = figure(mean(main.iter().map(|s| s.auc_wall_distance())));
+            let note = format!("distance to the nearest wall: {wall}");
+            cards.push(("AUC", figure(mean(main.iter().map(|s| s.auc))), note));
+        }
         let rho = mean(main.iter().map(|s| s.spearman_visits.or(s.spearman_classes)));
         let wall = figure(mean(main.iter().map(|s| s.spearman_wall_distance())));
         let note = format!("heat and visits, {}; distance to the nearest wall: {wall}", over(main.len()));
         cards.push(("Spearman’s ρ", figure(rho), note));
-        let kappa = figure(mean(main.iter().map(|s| s.confusion.quadratic_kappa())));
-        cards.push((
-            "Mean recall",
-            figure(mean(main.iter().map(|s| s.confusion.mean_recall()))),
-            format!("quadratic κ: {kappa}"),
-        ));
-        let adjacent = percent(mean(main.iter().map(|s| s.confusion.adjacent_errors())));
-        cards.push(("Adjacent errors", adjacent, "of all wrong classes".to_owned()));
+        if main.iter().any(|scores| scores.confusion.is_some()) {
+            let kappa = figure(mean(main.iter().map(of_classes(Confusion::quadratic_kappa))));
+            let recall = figure(mean(main.iter().map(of_classes(Confusion::mean_recall))));
+            cards.push(("Mean recall", recall, format!("quadratic κ: {kappa}")));
+            let adjacent = percent(mean(main.iter().map(of_classes(Confusion::adjacent_errors))));
+            cards.push(("Adjacent errors", adjacent, "of all wrong classes".to_owned()));
+        }
     }
     if !costs.is_empty() {
         let by = |predictor| costs.iter().filter_map(move |costs| costs.of(predictor));
@@ -150,9 +164,9 @@ fn score_table(source: &Source<'_>, scores: &[ReadNode<'_, ClassScores>]) -> Mar
                                 [
                                     figure(scores.spearman_visits.or(scores.spearman_classes)),
                                     figure(scores.spearman_wall_distance()),
-                                    figure(scores.confusion.mean_recall()),
-                                    figure(scores.confusion.quadratic_kappa()),
-                                    percent(scores.confusion.adjacent_errors()),
+                                    figure(of_classes(Confusion::mean_recall)(&scores)),
+                                    figure(of_classes(Confusion::quadratic_kappa)(&scores)),
+                                    percent(of_classes(Confusion::adjacent_errors)(&scores)),
                                 ],
                             )),
                             Err(message) => td.muted colspan="7" { (message) },
@@ -168,9 +182,9 @@ fn score_table(source: &Source<'_>, scores: &[ReadNode<'_, ClassScores>]) -> Mar
                             [
                                 figure(mean(main.iter().map(|s| s.spearman_visits.or(s.spearman_classes)))),
                                 figure(mean(main.iter().map(|s| s.spearman_wall_distance()))),
-                                figure(mean(main.iter().map(|s| s.confusion.mean_recall()))),
-                                figure(mean(main.iter().map(|s| s.confusion.quadratic_kappa()))),
-                                percent(mean(main.iter().map(|s| s.confusion.adjacent_errors()))),
+                                figure(mean(main.iter().map(of_classes(Confusion::mean_recall)))),
+                                figure(mean(main.iter().map(of_classes(Confusion::quadratic_kappa)))),
+                                percent(mean(main.iter().map(of_classes(Confusion::adjacent_errors)))),
                             ],
                         ))
                     }
@@ -214,7 +228,8 @@ fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
         h3 { "Social cost of a robot’s path" }
         div.scroll { table.numbers {
             thead { tr {
-                th { "map" } th { "heat" } th { "episodes" } th { "Spearman’s ρ" } th { "Kendall’s τ" } th { "within 25 %" }
+                th { "map" } th { "heat" } th { "episodes" } th { "Spearman’s ρ" } th { "ahead of constant" } th { "Kendall’s τ" }
+                th { "within 25 %" }
                 th { "by chance" } th { "chance does as well" }
             } }
             tbody {
@@ -223,7 +238,7 @@ fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
                         Ok(costs) => @for row in &costs.predictors {
                             tr { td { (name(node)) } (cost_cells(row)) }
                         }
-                        Err(message) => tr { td { (name(node)) } td.muted colspan="7" { (message) } },
+                        Err(message) => tr { td { (name(node)) } td.muted colspan="8" { (message) } },
                     }
                 }
             }
@@ -238,7 +253,7 @@ fn cost_table(costs: &[ReadNode<'_, SocialCosts>]) -> Markup {
             "Costs are predicted from the heat of the model, from the same heat on all free floor (constant) and, where they are "
             "at hand, from the visits of other episodes on the same map (oracle): what a model that has not seen the map would "
             "have to beat, and what it can hardly hope to. In brackets 95 % intervals by the bootstrap over episodes. A figure "
-            "stands out where its whole interval is better than chance."
+            "stands out where its whole interval is better than chance, or than constant heat on the same episodes."
         }
     }
 }
@@ -252,6 +267,7 @@ fn cost_cells(costs: &PredictorCosts) -> Markup {
         td { (costs.predictor.name()) }
         td { (costs.episodes.len()) }
         td class=(better(costs.spearman, 0.0)) { (with_interval(costs.spearman, figure)) }
+        td class=(better(costs.ahead, 0.0)) { (with_interval(costs.ahead, figure)) }
         td class=(better(costs.kendall, 0.0)) { (with_interval(costs.kendall, figure)) }
         td class=(better(Some(costs.within_quarter), costs.chance)) { (with_interval(Some(costs.within_quarter), percent)) }
         td { (percent(Some(costs.chance))) }

@@ -15,7 +15,7 @@ const MOST_FAILURES: usize = 20;
 
 /// Puts the page together.
 #[must_use]
-pub fn page(lineage: &Lineage<'_>, results: &str) -> String {
+pub fn page(lineage: &Lineage<'_>, lead: &Markup, results: &str) -> String {
     let run = lineage.run;
     html! {
         (DOCTYPE)
@@ -31,6 +31,7 @@ pub fn page(lineage: &Lineage<'_>, results: &str) -> String {
                 (head(run))
                 main {
                     (troubles(run))
+                    (lead)
                     (PreEscaped(results))
                     (nodes::section(lineage))
                     section id="source" {
