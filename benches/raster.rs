@@ -38,7 +38,7 @@ fn bench(criterion: &mut Criterion) {
     for threads in [1, 2] {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a thread pool");
         for count in [Count::Paths, Count::Steps] {
-            let sweep = Sweep { count, radius: 0.2, gap: 1 };
+            let sweep = Sweep { count, radius: 0.2, gap: 1, flow: false };
             group.bench_function(format!("{count:?}/{threads} threads"), |bencher| {
                 bencher.iter(|| pool.install(|| rasterize(&map, &samples, &sweep)));
             });

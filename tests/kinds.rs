@@ -43,6 +43,7 @@ fn every_kind_comes_back() {
     let (_folder, store) = store();
     check(&store, &samples::map());
     check(&store, &samples::visits());
+    check(&store, &samples::flowing_visits());
     check(&store, &samples::labels());
     check(&store, &samples::heat());
     check(&store, &samples::ranks());
@@ -125,7 +126,7 @@ proptest! {
         resolution in 0.001..10.0f64,
     ) {
         let frame = Frame { origin: Point::new(x, y), yaw, ..Frame::at_zero(resolution, rows, cols) };
-        let value = Placed::new(frame, VisitCounts { counts: Grid::from_vec(rows, cols, visits), paths: 3 });
+        let value = Placed::new(frame, VisitCounts { counts: Grid::from_vec(rows, cols, visits), paths: 3, flow: None });
         prop_assert_eq!(Placed::<VisitCounts>::from_bytes(value.to_bytes().expect("encoded")).expect("read"), value);
     }
 

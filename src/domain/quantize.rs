@@ -269,7 +269,7 @@ mod tests {
         let free = Grid::from_vec(1, counts.len(), counts.iter().map(|n| *n >= 0).collect());
         let map = OccupancyMap::new(free, Frame::at_zero(0.1, 1, counts.len())).expect("a free cell");
         let counts = counts.iter().map(|n| u32::try_from(*n).unwrap_or(0)).collect();
-        let visits = VisitCounts { counts: Grid::from_vec(1, map.free().cols(), counts), paths: 0 };
+        let visits = VisitCounts { counts: Grid::from_vec(1, map.free().cols(), counts), paths: 0, flow: None };
         quantize(&map, &visits, config).expect("labels").classes.into_vec()
     }
 

@@ -14,11 +14,9 @@ use super::raster::{self, Raster};
 use super::{KindError, Placed, SingleFile};
 use crate::domain::geometry::Grid;
 use crate::domain::quantize::{OBSTACLE, UNLABELED};
+use crate::domain::raster::DIRECTIONS;
 
 const KIND: &str = "Heat";
-
-/// Directions of flow: 0 is that of x, then counter-clockwise by 45° each, in the local frame.
-pub const DIRECTIONS: usize = 8;
 
 /// A prediction of how often each cell is visited.
 #[derive(Debug, Clone, PartialEq)]

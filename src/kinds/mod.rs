@@ -25,7 +25,7 @@ use crate::store::{Artifact, FileRef, Store, open_regular};
 
 pub use checkpoint::{Checkpoint, CheckpointConfig, Learned};
 pub use error::KindError;
-pub use heat::{DIRECTIONS, Heat, HeatClasses};
+pub use heat::{Heat, HeatClasses};
 pub use model::Model;
 pub use nav_episodes::{NavEpisodes, NavSample};
 pub use parquet::Outline;

@@ -58,9 +58,11 @@ impl Stage for Rasterize {
             let cells = inputs.parts.first().map_or(0, |(_, counts)| outline(store, counts).rows);
             return super::memory(cells.saturating_mul(64));
         }
-        // Of the tracks one file at a time is held, of the map and its counts all.
+        // Of the tracks one file at a time is held, of the map and its counts all; flow adds eight counts and what the current
+        // path has of each cell.
+        let cell = if self.0.flow { 64 + 72 } else { 64 };
         let largest = inputs.one("walks").files.iter().map(|file| file.bytes).max().unwrap_or(0);
-        super::memory(outline(store, inputs.one("map")).rows.saturating_mul(64).saturating_add(2 * largest))
+        super::memory(outline(store, inputs.one("map")).rows.saturating_mul(cell).saturating_add(2 * largest))
     }
 
     fn run(&self, part: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
@@ -92,7 +94,7 @@ impl Stage for Rasterize {
         }
         let visits = match counter {
             Some(counter) => counter.finish(),
-            None => VisitCounts::none(map.free().rows(), map.free().cols()),
+            None => VisitCounts::none_for(&map, &self.0),
         };
         write(context, &Placed::new(*map.frame(), visits))
     }

@@ -23,7 +23,13 @@ pub fn map() -> OccupancyMap {
 
 pub fn visits() -> Placed<VisitCounts> {
     let counts = Grid::from_fn(4, 5, |c| if c.row != 0 && c.col != 4 { (c.row * 7 + c.col) as u32 } else { 0 });
-    Placed::new(frame(), VisitCounts { counts, paths: 40 })
+    Placed::new(frame(), VisitCounts { counts, paths: 40, flow: None })
+}
+
+pub fn flowing_visits() -> Placed<VisitCounts> {
+    let flow = std::array::from_fn(|direction| Grid::from_fn(4, 5, |c| ((c.row + c.col * direction) % 5) as u32));
+    let visits = visits();
+    Placed::new(frame(), VisitCounts { flow: Some(flow), ..visits.value })
 }
 
 pub fn labels() -> Placed<Labels> {

@@ -62,7 +62,7 @@ where
 }
 
 fn visits() -> Placed<VisitCounts> {
-    Placed::new(frame(), VisitCounts { counts: on_free(0, |row, col| (row * col % 97) as u32), paths: 120 })
+    Placed::new(frame(), VisitCounts { counts: on_free(0, |row, col| (row * col % 97) as u32), paths: 120, flow: None })
 }
 
 fn labels() -> Placed<Labels> {

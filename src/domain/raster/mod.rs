@@ -9,8 +9,11 @@
 //! the last one of the leg before starts where that one ended, as simulated legs do: a frame carries the leg that led to
 //! it, so the way between the two is part of the later leg, and the place between them of both. Any other leg starts with
 //! its own first sample.
+//!
+//! With directions asked for, [`flow`] says which way a path passes a cell.
 
 mod capsule;
+mod flow;
 
 use rayon::prelude::*;
 use schemars::JsonSchema;
@@ -20,7 +23,10 @@ use super::geometry::{Grid, Meters, Point};
 use super::map::OccupancyMap;
 use super::tracks::Sample;
 
+pub use flow::{DIRECTIONS, Flow, direction};
+
 use capsule::Advance;
+use flow::FlowCounter;
 
 /// How far beyond the radius a center still belongs to a disc, in meters.
 const TIE: f64 = 1e-9;
@@ -49,6 +55,9 @@ pub struct RasterConfig {
     /// longer, its track is broken.
     #[schemars(range(min = 0.0, max = 3600.0))]
     pub max_gap: Option<f64>,
+    /// Whether passages are counted by direction, too: for each cell and each of eight directions the paths that pass it
+    /// that way, from the map's x on counter-clockwise.
+    pub flow: bool,
 }
 
 /// What is counted, and what of each agent: a configuration for tracks of one frame rate and radius.
@@ -60,6 +69,8 @@ pub struct Sweep {
     pub radius: f64,
     /// Most frames between two samples of a leg that are joined, at least 1.
     pub gap: i64,
+    /// Whether passages are counted by direction, too.
+    pub flow: bool,
 }
 
 /// What keeps tracks from being counted.
@@ -78,6 +89,8 @@ pub enum RasterError {
     Position { episode: u32, id: i64, frame: i64 },
     #[error("visits of {rows} × {cols} cells do not add to visits of {other_rows} × {other_cols}")]
     SizeMismatch { rows: usize, cols: usize, other_rows: usize, other_cols: usize },
+    #[error("visits with directions of flow do not add to visits without")]
+    Flow,
     #[error("a cell has more than 2³² − 1 visits")]
     Overflow,
 }
@@ -103,7 +116,8 @@ impl RasterConfig {
     pub fn sweep(&self, frame_rate: f64, radius: f64) -> Sweep {
         // A hair of tolerance: 0.3 s at 10 frames a second are three frames.
         let frames = self.max_gap.map_or(1, |gap| (gap * frame_rate + 1e-6).floor() as i64);
-        Sweep { count: self.count, radius: self.radius.map_or(radius, Meters::get), gap: frames.max(1) }
+        let radius = self.radius.map_or(radius, Meters::get);
+        Sweep { count: self.count, radius, gap: frames.max(1), flow: self.flow }
     }
 }
 
@@ -118,13 +132,23 @@ pub struct VisitCounts {
     pub counts: Grid<u32>,
     /// Number of paths that were counted.
     pub paths: u64,
+    /// Passages of each cell by [direction], where they were counted; blocked cells have none.
+    pub flow: Option<Flow>,
 }
 
 impl VisitCounts {
     /// Returns the counts of no path at all.
     #[must_use]
     pub fn none(rows: usize, cols: usize) -> Self {
-        Self { counts: Grid::filled(rows, cols, 0), paths: 0 }
+        Self { counts: Grid::filled(rows, cols, 0), paths: 0, flow: None }
+    }
+
+    /// Returns the counts of no path at all, and their flow if that is asked for.
+    #[must_use]
+    pub fn none_for(map: &OccupancyMap, config: &RasterConfig) -> Self {
+        let (rows, cols) = (map.free().rows(), map.free().cols());
+        let flow = config.flow.then(|| std::array::from_fn(|_| Grid::filled(rows, cols, 0)));
+        Self { flow, ..Self::none(rows, cols) }
     }
 
     /// Adds the visits of another part of the episodes.
@@ -141,12 +165,22 @@ impl VisitCounts {
                 other_cols: mine.cols(),
             });
         }
-        for (sum, part) in mine.as_mut_slice().iter_mut().zip(theirs.as_slice()) {
-            *sum = sum.checked_add(*part).ok_or(RasterError::Overflow)?;
+        add(mine, theirs)?;
+        match (&mut self.flow, &other.flow) {
+            (Some(mine), Some(theirs)) => mine.iter_mut().zip(theirs).try_for_each(|(sum, part)| add(sum, part))?,
+            (None, None) => {}
+            _ => return Err(RasterError::Flow),
         }
         self.paths += other.paths;
         Ok(())
     }
+}
+
+fn add(sum: &mut Grid<u32>, part: &Grid<u32>) -> Result<(), RasterError> {
+    for (sum, part) in sum.as_mut_slice().iter_mut().zip(part.as_slice()) {
+        *sum = sum.checked_add(*part).ok_or(RasterError::Overflow)?;
+    }
+    Ok(())
 }
 
 /// Counts the visits of samples that are ordered by episode, agent and frame.
@@ -165,7 +199,7 @@ pub fn rasterize(map: &OccupancyMap, samples: &[Sample], sweep: &Sweep) -> Resul
             Ok(rasterizer.finish())
         })
         .try_reduce_with(|mut sum, part| sum.add(&part).map(|()| sum))
-        .unwrap_or_else(|| Ok(VisitCounts::none(map.free().rows(), map.free().cols())))
+        .unwrap_or_else(|| Ok(Rasterizer::new(map, sweep)?.finish()))
 }
 
 /// Splits samples into about `count` parts of whole agents.
@@ -209,6 +243,7 @@ pub struct Rasterizer<'a> {
     /// Radius in cells.
     radius: f64,
     tallies: Grid<Tally>,
+    flow: Option<FlowCounter>,
     /// Number of the current path, from 1.
     path: u32,
     samples: u32,
@@ -224,7 +259,9 @@ impl<'a> Rasterizer<'a> {
     pub fn new(map: &'a OccupancyMap, sweep: &Sweep) -> Result<Self, RasterError> {
         let (rows, cols) = (map.free().rows(), map.free().cols());
         let tallies = Grid::filled(rows, cols, Tally::default());
-        let mut new = Self { map, count: sweep.count, gap: 1, radius: 0.0, tallies, path: 0, samples: 0, last: None };
+        let flow = sweep.flow.then(|| FlowCounter::new(rows, cols));
+        let (count, last) = (sweep.count, None);
+        let mut new = Self { map, count, gap: 1, radius: 0.0, tallies, flow, path: 0, samples: 0, last };
         new.go_on(sweep)?;
         Ok(new)
     }
@@ -280,6 +317,14 @@ impl<'a> Rasterizer<'a> {
             }
             Count::Steps => self.count_step(&Advance::disc(here, self.radius)),
         }
+        if let Some(flow) = &mut self.flow {
+            if !same_path {
+                flow.end_path();
+            }
+            if from != here {
+                flow.add(from, here, self.radius);
+            }
+        }
         self.last = Some((*sample, here));
         Ok(())
     }
@@ -290,7 +335,8 @@ impl<'a> Rasterizer<'a> {
         let free = self.map.free();
         let visits = free.as_slice().iter().zip(self.tallies.as_slice());
         let counts = visits.map(|(free, tally)| if *free { tally.visits } else { 0 }).collect();
-        VisitCounts { counts: Grid::from_vec(free.rows(), free.cols(), counts), paths: u64::from(self.path) }
+        let counts = Grid::from_vec(free.rows(), free.cols(), counts);
+        VisitCounts { counts, paths: u64::from(self.path), flow: self.flow.map(|flow| flow.finish(free)) }
     }
 
     /// Counts the current path once in each of some cells.

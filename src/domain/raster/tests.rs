@@ -12,10 +12,10 @@ fn sample(episode: u32, id: i64, frame: i64, path: u32, x: f64, y: f64) -> Sampl
     Sample { episode, id, frame, position: Point::new(x, y), velocity: Point::default(), path }
 }
 
-const PATHS: Sweep = Sweep { count: Count::Paths, radius: 0.2, gap: 1 };
+const PATHS: Sweep = Sweep { count: Count::Paths, radius: 0.2, gap: 1, flow: false };
 
 fn sweep(count: Count, radius: f64) -> Sweep {
-    Sweep { count, radius, gap: 1 }
+    Sweep { count, radius, gap: 1, flow: false }
 }
 
 /// Tests every cell against every step of every path, as the rule is written.
@@ -39,7 +39,41 @@ fn slow(map: &OccupancyMap, samples: &[Sample], sweep: &Sweep) -> VisitCounts {
         };
         steps.values().map(visits).sum()
     });
-    VisitCounts { counts, paths: steps.len() as u64 }
+    VisitCounts { counts, paths: steps.len() as u64, flow: None }
+}
+
+/// Tests every cell against every move of every path, as the rule of directions is written, and compares.
+fn check_flow(map: &OccupancyMap, samples: &[Sample], sweep: &Sweep, flow: &Flow) {
+    let mut moves: BTreeMap<(u32, i64, u32), Vec<(Point, Point)>> = BTreeMap::new();
+    for (b, s) in samples.iter().zip(&samples[1..]) {
+        let is_joined = s.frame == b.frame + 1 || (s.path == b.path && s.frame <= b.frame + sweep.gap);
+        if (b.episode, b.id) == (s.episode, s.id) && is_joined {
+            moves.entry((s.episode, s.id, s.path)).or_default().push((b.position, s.position));
+        }
+    }
+    for cell in map.free().cells() {
+        let center = map.frame().center(cell);
+        let (mut found, mut unclear) = ([0; DIRECTIONS], 0);
+        for path in moves.values() {
+            let on = |(a, b): &&(Point, Point)| a != b && center.distance_to_segment(*a, *b) <= sweep.radius + 1e-9;
+            let sum = path.iter().filter(on).fold(Point::default(), |sum, (a, b)| sum + (*b - *a));
+            // Not halfway between two directions, and more than what rounding leaves of nothing.
+            let slope = libm::atan2(sum.y, sum.x) / std::f64::consts::FRAC_PI_4;
+            if ((slope - slope.floor()) - 0.5).abs() < 1e-6 {
+                unclear += 1;
+            } else if sum.norm() > 1e-7 {
+                found[(slope.round() as isize).rem_euclid(8) as usize] += 1;
+            }
+        }
+        let counted = flow.each_ref().map(|passages| passages[cell]);
+        if !map.free()[cell] {
+            assert_eq!(counted, [0; DIRECTIONS]);
+            continue;
+        }
+        let more: Vec<u32> =
+            counted.iter().zip(found).map(|(counted, found)| counted.checked_sub(found).expect("no fewer")).collect();
+        assert!(more.iter().sum::<u32>() <= unclear, "{cell:?}: {counted:?} instead of {found:?}");
+    }
 }
 
 /// Draws walks over and beyond a map of about 2 m; half of them on the lattice of cell corners and centers.
@@ -154,13 +188,18 @@ fn tracks_of_another_radius_go_on() {
 fn parts_add_up() {
     let map = open(20, 20);
     let samples = walks(4, 30, false);
-    let whole = rasterize(&map, &samples, &PATHS).expect("visits");
-    let mut sum = VisitCounts::none(20, 20);
-    for episode in samples.chunk_by(|a, b| a.episode == b.episode) {
-        sum.add(&rasterize(&map, episode, &PATHS).expect("visits")).expect("same size");
+    for flow in [false, true] {
+        let sweep = Sweep { flow, ..PATHS };
+        let whole = rasterize(&map, &samples, &sweep).expect("visits");
+        let mut sum = VisitCounts::none_for(&map, &RasterConfig { flow, ..RasterConfig::default() });
+        for episode in samples.chunk_by(|a, b| a.episode == b.episode) {
+            sum.add(&rasterize(&map, episode, &sweep).expect("visits")).expect("same size");
+        }
+        assert_eq!(sum, whole);
+        assert_eq!(VisitCounts::none(20, 20).add(&whole).is_err(), flow);
     }
-    assert_eq!(sum, whole);
-    let mut full = VisitCounts { counts: Grid::filled(20, 20, u32::MAX), paths: 1 };
+    let whole = rasterize(&map, &samples, &PATHS).expect("visits");
+    let mut full = VisitCounts { counts: Grid::filled(20, 20, u32::MAX), paths: 1, flow: None };
     assert_eq!(full.add(&whole), Err(RasterError::Overflow));
     assert!(matches!(full.add(&VisitCounts::none(20, 19)), Err(RasterError::SizeMismatch { other_cols: 20, .. })));
 }
@@ -206,9 +245,10 @@ proptest! {
         free[Cell::new(0, 0)] = true;
         let map = OccupancyMap::new(free, Frame::at_zero(0.1, 20, 20)).expect("a free cell");
         let radius = if lattice { (radius * 20.0).ceil() / 20.0 } else { radius };
-        let sweep = Sweep { gap, ..sweep(if steps { Count::Steps } else { Count::Paths }, radius) };
+        let sweep = Sweep { gap, flow: true, ..sweep(if steps { Count::Steps } else { Count::Paths }, radius) };
         let samples = walks(seed, 9, lattice);
-        let fast = rasterize(&map, &samples, &sweep).expect("visits");
+        let mut fast = rasterize(&map, &samples, &sweep).expect("visits");
+        check_flow(&map, &samples, &sweep, &fast.flow.take().expect("a flow"));
         prop_assert_eq!(&fast, &slow(&map, &samples, &sweep));
     }
 }

@@ -240,7 +240,7 @@ mod tests {
         let (labels, free) = (labels(), free());
         let heat = labels.classes.map(|class| f32::from(*class) / 3.0);
         let counts = labels.classes.map(|class| 10 * u32::from(class.max(&0).unsigned_abs()));
-        let visits = VisitCounts { counts, paths: 30 };
+        let visits = VisitCounts { counts, paths: 30, flow: None };
         let input = Scored { visits: Some(&visits), ..against(&free, &heat, &labels.classes, &labels) };
         let scores = scored(&input).expect("scores");
         let confusion = scores.confusion.as_ref().expect("there are classes and labels");
@@ -290,7 +290,7 @@ mod tests {
         let heat = labels.classes.map(|class| f32::from((*class).max(0)) / 3.0);
         // The unlabeled cell is not visited.
         let counts = labels.classes.map(|class| 10 * u32::from(class.max(&0).unsigned_abs()));
-        let visits = VisitCounts { counts, paths: 30 };
+        let visits = VisitCounts { counts, paths: 30, flow: None };
         let all = Scored { visits: Some(&visits), ..against(&free, &heat, &labels.classes, &labels) };
         let with_labels = scored(&all).expect("scores");
         let without = scored(&Scored { labels: None, predicted: None, ..all }).expect("scores");
