@@ -3,7 +3,7 @@
 mod polygons;
 
 use rayon::prelude::*;
-use trodden::domain::crowd::{Crowd, CrowdConfig, NavConfig, Robot, Scene, Speed, Status, Summary, Tally};
+use trodden::domain::crowd::{Crowd, CrowdConfig, NavConfig, Preset, Robot, Scene, Speed, Status, Summary, Tally};
 use trodden::domain::geometry::{Frame, Grid, Point};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
@@ -232,14 +232,40 @@ fn golden_episodes() {
 
 #[test]
 fn few_paths_are_stuck_and_no_disc_is_in_a_wall() {
-    for (name, map) in [("flat", flat()), ("hall", hall())] {
-        let (_, summary) = episodes(&map, &CrowdConfig::default(), 150, 2);
-        println!("{name}: {:.2} % stuck, {summary:?}", 100.0 * summary.stuck_share());
+    let presets = [Preset::Shortest, Preset::Comfortable];
+    for (preset, (name, map)) in presets.into_iter().flat_map(|p| [(p, ("flat", flat())), (p, ("hall", hall()))]) {
+        let (_, summary) = episodes(&map, &preset.config(), 150, 2);
+        println!("{name}, {preset:?}: {:.2} % stuck, {summary:?}", 100.0 * summary.stuck_share());
         assert!(summary.paths > 2000 && summary.arrived > summary.paths * 3 / 4, "{name}: {summary:?}");
         assert!(summary.stuck_share() < 0.01, "{name}: {summary:?}");
         assert_eq!(summary.tally.wall_hits + summary.tally.blocked_centers, 0, "{name}: {summary:?}");
         assert!(summary.tally.wall_overlap_max_m <= 0.01, "{name}: {summary:?}");
     }
+}
+
+#[test]
+fn the_comfortable_keep_off_walls_and_take_little_longer() {
+    let map = hall();
+    let clearance = map.clearance();
+    let walked = |preset: Preset| {
+        let scene = Scene::new(&map, &CrowdConfig { agents: [2, 2], ..preset.config() }).expect("a scene");
+        let samples: Vec<Sample> = (0..20).flat_map(|number| scene.episode(7, &[0; 32], number).samples).collect();
+        // Setting out and arriving are left out: goals lie near walls, too.
+        let legs = samples.chunk_by(|a, b| (a.id, a.path) == (b.id, b.path));
+        let ways = legs.filter(|leg| leg.len() > 40).map(|leg| &leg[10..leg.len() - 10]);
+        let cells = ways.flatten().map(|sample| map.frame().cell(sample.position).expect("on the map"));
+        let distances: Vec<f64> = cells.map(|cell| clearance[cell]).collect();
+        distances.iter().filter(|distance| **distance < 0.35).count() as f64 / distances.len() as f64
+    };
+    let (shortest, comfortable) = (walked(Preset::Shortest), walked(Preset::Comfortable));
+    println!("share of the way less than 0.35 m from walls: {shortest:.3} and {comfortable:.3}");
+    assert!(shortest > 0.05 && comfortable < 0.5 * shortest, "{shortest} {comfortable}");
+}
+
+#[test]
+fn the_shortest_ways_are_the_default() {
+    let config: CrowdConfig = serde_json::from_str(r#"{"preset": "shortest"}"#).expect("a preset");
+    assert_eq!(config, CrowdConfig::default());
 }
 
 #[test]

@@ -45,6 +45,16 @@ pub struct CrowdConfig {
     pub goal_distance: f64,
     /// Standard deviation of the noise on preferred velocities, as a share of the preferred speed.
     pub noise: f64,
+    /// How much more a meter costs in reach of a wall than far from walls: routes are the cheapest ones. 0: they heed no
+    /// walls.
+    pub clearance_cost: f64,
+    /// Distance in meters over which that falls to 1/e.
+    pub clearance_scale: f64,
+    /// How much people differ in the ways they take: the standard deviation of the logarithm of a meter's cost. 0: not at
+    /// all.
+    pub variety: f64,
+    /// Distance in meters over which one person's likes and dislikes change.
+    pub variety_scale: f64,
 }
 
 /// The normal distribution of preferred speeds, cut at both ends, in meters per second.
@@ -66,6 +76,11 @@ pub struct Speed {
 pub enum Preset {
     /// The pedestrians of the iGibson simulator: wide (0.5 m), slow (0.5 m/s), one on each 8 m², 500 steps.
     Igibson,
+    /// The shortest ways, which graze corners, as the paper has them: what holds where no preset is named.
+    Shortest,
+    /// Ways that keep off walls and corners as far as there is room, and that differ from person to person; goals keep off
+    /// walls, too.
+    Comfortable,
 }
 
 /// The settings of a crowd as a pipeline file has them: what is left out comes from the preset, or is as in brackets.
@@ -109,7 +124,7 @@ pub struct CrowdFields {
     /// Seconds for which velocities must be free of collisions with walls [0.5; `igibson`: 2].
     #[schemars(range(min = 0.1, max = 60.0))]
     pub obstacle_horizon: Option<f64>,
-    /// Distance in meters that starts and goals keep from walls, beyond the radius [0.1; `igibson`: 0].
+    /// Distance in meters that starts and goals keep from walls, beyond the radius [0.1; `igibson`: 0, `comfortable`: 0.2].
     #[schemars(range(min = 0.0, max = 10.0))]
     pub margin: Option<f64>,
     /// Least length in meters of the way to a new goal [4 m].
@@ -118,6 +133,20 @@ pub struct CrowdFields {
     /// Standard deviation of the noise on preferred velocities, as a share of the preferred speed [0.05].
     #[schemars(range(min = 0.0, max = 1.0))]
     pub noise: Option<f64>,
+    /// How much more a meter costs in reach of a wall than far from walls, as routes are chosen by cost; 0: they heed no
+    /// walls [0; `comfortable`: 3].
+    #[schemars(range(min = 0.0, max = 20.0))]
+    pub clearance_cost: Option<f64>,
+    /// Distance in meters over which that extra cost falls to 1/e [0.3 m].
+    #[schemars(range(min = 0.01, max = 10.0))]
+    pub clearance_scale: Option<f64>,
+    /// How much people differ in the ways they take: the standard deviation of the logarithm of a meter's cost; 0: not at
+    /// all [0; `comfortable`: 1].
+    #[schemars(range(min = 0.0, max = 2.0))]
+    pub variety: Option<f64>,
+    /// Distance in meters over which one person's likes and dislikes change [0.8 m].
+    #[schemars(range(min = 0.05, max = 10.0))]
+    pub variety_scale: Option<f64>,
 }
 
 /// Preferred speeds as a pipeline file has them, in meters per second.
@@ -152,6 +181,10 @@ impl Default for CrowdConfig {
             margin: 0.1,
             goal_distance: 4.0,
             noise: 0.05,
+            clearance_cost: 0.0,
+            clearance_scale: 0.3,
+            variety: 0.0,
+            variety_scale: 0.8,
         }
     }
 }
@@ -172,6 +205,10 @@ impl Preset {
                 margin: 0.0,
                 ..CrowdConfig::default()
             },
+            Self::Shortest => CrowdConfig::default(),
+            Self::Comfortable => {
+                CrowdConfig { margin: 0.2, clearance_cost: 3.0, variety: 1.0, ..CrowdConfig::default() }
+            }
         }
     }
 }
@@ -197,6 +234,10 @@ impl From<CrowdFields> for CrowdConfig {
             margin: fields.margin.unwrap_or(base.margin),
             goal_distance: fields.goal_distance.unwrap_or(base.goal_distance),
             noise: fields.noise.unwrap_or(base.noise),
+            clearance_cost: fields.clearance_cost.unwrap_or(base.clearance_cost),
+            clearance_scale: fields.clearance_scale.unwrap_or(base.clearance_scale),
+            variety: fields.variety.unwrap_or(base.variety),
+            variety_scale: fields.variety_scale.unwrap_or(base.variety_scale),
         }
     }
 }
@@ -249,6 +290,10 @@ impl CrowdConfig {
             ("margin", self.margin, 0.0, 10.0),
             ("goal_distance", self.goal_distance, 0.0, 1000.0),
             ("noise", self.noise, 0.0, 1.0),
+            ("clearance_cost", self.clearance_cost, 0.0, 20.0),
+            ("clearance_scale", self.clearance_scale, 0.01, 10.0),
+            ("variety", self.variety, 0.0, 2.0),
+            ("variety_scale", self.variety_scale, 0.05, 10.0),
         ];
         for (field, value, min, max) in ranges {
             // Written so that what is not a number is refused too.
@@ -335,9 +380,9 @@ mod tests {
     #[test]
     fn what_it_writes_reads_back_and_names_every_field() {
         let given = CrowdConfig { agents: [2, 4], agents_area: None, ..CrowdConfig::default() };
-        for config in [CrowdConfig::default(), Preset::Igibson.config(), given] {
+        for config in [CrowdConfig::default(), Preset::Igibson.config(), Preset::Comfortable.config(), given] {
             let written = serde_json::to_value(&config).expect("settings are JSON");
-            assert_eq!(written.as_object().map(|o| o.len()), Some(15));
+            assert_eq!(written.as_object().map(|o| o.len()), Some(19));
             assert_eq!(read(written), config);
         }
     }

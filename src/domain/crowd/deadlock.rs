@@ -222,9 +222,8 @@ impl Yielding {
             return;
         }
         let position = floor.position(agent);
-        let (scene, goal) = (floor.scene, floor.walkers[agent].line.route.end());
         floor.walkers[agent].aside = None;
-        if let Some(route) = scene.router().route(scene.space(), &mut floor.search, position, goal, |_| true) {
+        if let Some(route) = floor.way_on(agent, |_| true) {
             floor.walkers[agent].reroute(route, position, false);
         }
     }
@@ -371,9 +370,8 @@ impl Yielding {
         }
         let (near, frame, standing) = (2.0 * scene.config().radius, scene.frame(), &self.standing);
         let is_free = |cell: Cell| standing.iter().all(|place| place.distance(frame.center(cell)) >= near);
-        let line = &floor.walkers[agent].line;
-        let (goal, remaining) = (line.route.end(), line.remaining(position));
-        let route = scene.router().route(scene.space(), &mut floor.search, position, goal, is_free);
+        let remaining = floor.walkers[agent].line.remaining(position);
+        let route = floor.way_on(agent, is_free);
         if let Some(route) = route.filter(|route| route.length() < remaining + LONGEST_DETOUR) {
             floor.walkers[agent].reroute(route, position, true);
             self.given.detours += 1;
@@ -430,7 +428,8 @@ mod tests {
         for (rank, [from, to]) in (0..).zip(ways) {
             let (from, to) = (Point::new(from.0, from.1), Point::new(to.0, to.1));
             let agent = floor.add(from, 1.3, Stream::new(1, &[0; 32], rank, "noise"));
-            let route = scene.router().route(scene.space(), &mut floor.search, from, to, |_| true).expect("a way");
+            let route =
+                scene.router().route(scene.space(), &mut floor.search, None, [from, to], |_| true).expect("a way");
             floor.walkers[agent].send(route, rank);
         }
         floor
@@ -479,7 +478,7 @@ mod tests {
         // The first is far behind the other now, who has waited for long enough.
         floor.simulation.set_position(0, Point::new(9.5, 2.0));
         let position = floor.position(0);
-        floor.walkers[0].line.look(scene.space(), position);
+        floor.walkers[0].line.look(&scene, position);
         for _ in 0..10 {
             yielding.settle(&mut floor);
         }

@@ -2,12 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::domain::geometry::Point;
+use crate::domain::geometry::{Cell, Point};
 use crate::domain::orca::{AgentParameters, Simulation};
 use crate::domain::random::Stream;
 
-use super::routes::Search;
+use super::routes::Route;
 use super::scene::Scene;
+use super::search::Search;
 use super::walker::Walker;
 
 /// Agents among the walls of a scene. An agent has the same index as walker and in the simulation.
@@ -71,6 +72,14 @@ impl<'s> Floor<'s> {
     #[must_use]
     pub fn velocity(&self, agent: usize) -> Point {
         self.simulation.velocity(agent)
+    }
+
+    /// Finds the way from where an agent is to its goal anew, to the taste it has, over cells that `enter` does not refuse.
+    pub fn way_on(&mut self, agent: usize, enter: impl FnMut(Cell) -> bool) -> Option<Route> {
+        let (router, space) = (self.scene.router(), self.scene.space());
+        let route = &self.walkers[agent].line.route;
+        let ends = [self.simulation.position(agent), route.end()];
+        router.route(space, &mut self.search, route.taste(), ends, enter)
     }
 
     /// Collects the way ahead of an agent for at most `length` meters.

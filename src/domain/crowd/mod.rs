@@ -5,6 +5,9 @@
 //! threads. Between the two stands the [`Crowd`], which moves walkers with given goals by ORCA along their routes and
 //! keeps them from blocking each other; it knows nothing of how starts and goals are drawn.
 //!
+//! Ways are the shortest ones, which graze every corner, or those that are cheapest to whoever walks there: off walls as
+//! far as there is room, and different from person to person ([`costs`]).
+//!
 //! Plain ORCA deadlocks in doors and in symmetric meetings. Against that, in the order in which they come into play:
 //! noise on the preferred velocities; the one who has been under way longer goes first and the other steps aside, back
 //! out of the door if need be ([`deadlock`]); a detour around whoever stands in the way; and, counted as stuck, a new
@@ -12,6 +15,7 @@
 
 mod config;
 mod contours;
+mod costs;
 mod deadlock;
 mod episode;
 mod floor;
@@ -22,6 +26,7 @@ mod places;
 mod plans;
 mod routes;
 mod scene;
+mod search;
 mod space;
 mod walker;
 mod walkers;

@@ -5,7 +5,8 @@ use crate::domain::random::Stream;
 
 use super::CrowdError;
 use super::config::CrowdConfig;
-use super::routes::{Route, Router, Search};
+use super::routes::{Route, Router};
+use super::search::Search;
 use super::space::FreeSpace;
 
 /// How often a start or goal is drawn before the best one so far is taken.
@@ -69,8 +70,8 @@ impl Places {
 
     /// Draws a goal for an agent at `from` and finds the way there.
     ///
-    /// The goal is uniform over the places of the region that are at least the goal distance of way off. If many draws
-    /// find none, it is the farthest one drawn.
+    /// The agent's taste is drawn first. The goal is uniform over the places of the region that are at least the goal
+    /// distance of way off. If many draws find none, it is the farthest one drawn.
     pub fn goal(
         &self,
         space: &FreeSpace,
@@ -81,10 +82,11 @@ impl Places {
     ) -> Option<Route> {
         let region = space.regions()[space.open_near(from)?].checked_sub(1)? as usize;
         let cells = self.by_region.get(region).filter(|cells| !cells.is_empty())?;
+        let taste = router.draw_taste(stream);
         let mut best: Option<Route> = None;
         for _ in 0..DRAWS {
             let goal = space.map().frame().center(cells[stream.below(cells.len())]);
-            let Some(route) = router.route(space, search, from, goal, |_| true) else { continue };
+            let Some(route) = router.route(space, search, taste, [from, goal], |_| true) else { continue };
             if route.length() >= self.goal_distance[region] {
                 return Some(route);
             }
@@ -117,7 +119,7 @@ mod tests {
 
     fn places(rows: &[&str], scale: usize) -> (FreeSpace, Router, Places) {
         let space = FreeSpace::new(&plan(rows, scale), 0.2);
-        let router = Router::new(&space);
+        let router = Router::new(&space, &CrowdConfig::default());
         let places = Places::new(&space, &router, &CrowdConfig::default()).expect("room");
         (space, router, places)
     }
@@ -155,7 +157,8 @@ mod tests {
     #[test]
     fn a_map_too_narrow_is_an_error() {
         let space = FreeSpace::new(&plan(&["###", "#.#", "###"], 3), 0.2);
-        let error = Places::new(&space, &Router::new(&space), &CrowdConfig::default()).expect_err("no room");
+        let error = Places::new(&space, &Router::new(&space, &CrowdConfig::default()), &CrowdConfig::default())
+            .expect_err("no room");
         assert_eq!(error, CrowdError::NoRoom { radius: 0.2 });
     }
 }

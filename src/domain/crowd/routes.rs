@@ -1,140 +1,15 @@
-//! Shortest ways over the open cells, straightened, and how agents follow them.
+//! Ways over the open cells, straightened.
 
-use crate::domain::geometry::{Cell, Grid, Point};
+use crate::domain::geometry::{Cell, Point};
+use crate::domain::random::Stream;
 
+use super::config::CrowdConfig;
+use super::costs::{Costs, Taste};
+use super::search::{Length, Links, Search, Toll};
 use super::space::FreeSpace;
 
-/// Cost of a step to a side and to a corner: 99 / 70 is √2 to within 0.01 %.
-const STRAIGHT: u32 = 70;
-const DIAGONAL: u32 = 99;
-/// Ring of buckets of the search; the cost of an entry is at most two diagonal steps above the current one.
-const BUCKETS: usize = 256;
-
-/// Rows and columns to the eight neighbors, sides first.
-const STEPS: [(isize, isize); 8] = [(-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
-
-/// Which of the eight neighbors can be reached from each cell, corners not cut: one bit each, in the order of `STEPS`.
-#[derive(Debug, Clone)]
-pub struct Links(Grid<u8>);
-
-impl Links {
-    /// Links the open cells of a map.
-    #[must_use]
-    pub fn new(open: &Grid<bool>) -> Self {
-        Self(Grid::from_fn(open.rows(), open.cols(), |cell| {
-            let is_open = |row, col| open.get(cell.row as isize + row, cell.col as isize + col) == Some(&true);
-            let mut bits = 0;
-            for (bit, (row, col)) in STEPS.into_iter().enumerate() {
-                if open[cell] && is_open(row, col) && is_open(row, 0) && is_open(0, col) {
-                    bits |= 1 << bit;
-                }
-            }
-            bits
-        }))
-    }
-
-    /// Returns the indices of the linked neighbors of a cell with the cost of the step there.
-    fn neighbors(&self, index: usize) -> impl Iterator<Item = (usize, usize, u32)> {
-        let mut bits = self.0.as_slice()[index];
-        let cols = self.0.cols() as isize;
-        std::iter::from_fn(move || {
-            if bits == 0 {
-                return None;
-            }
-            let bit = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            let (row, col) = STEPS[bit];
-            Some((bit, (index as isize + row * cols + col) as usize, if bit < 4 { STRAIGHT } else { DIAGONAL }))
-        })
-    }
-}
-
-/// A cell's part in one search.
-#[derive(Debug, Clone, Copy, Default)]
-struct Reached {
-    /// Number of the search that wrote it: older entries count as not reached.
-    search: u32,
-    cost: u32,
-    /// Step of `STEPS` that led here.
-    step: u8,
-    settled: bool,
-}
-
-/// The working memory of searches, kept between them so that a search allocates nothing.
-#[derive(Debug, Clone)]
-pub struct Search {
-    reached: Vec<Reached>,
-    buckets: Vec<Vec<u32>>,
-    number: u32,
-}
-
-impl Search {
-    /// Makes room for searches on a grid of `cells` cells.
-    #[must_use]
-    pub fn new(cells: usize) -> Self {
-        Self { reached: vec![Reached::default(); cells], buckets: vec![Vec::new(); BUCKETS], number: 0 }
-    }
-
-    /// Finds a cheapest way to the nearest cell that is a goal and returns that cell, or `None` if there is none.
-    ///
-    /// A\* with buckets: `estimate` is a consistent lower bound of the cost that is left (0 searches evenly in all
-    /// directions), `enter` refuses cells. Ties are broken by the order of `STEPS`, so the answer is always the same.
-    fn run(
-        &mut self,
-        links: &Links,
-        start: usize,
-        mut estimate: impl FnMut(usize) -> u32,
-        mut enter: impl FnMut(usize) -> bool,
-        mut is_goal: impl FnMut(usize, u32) -> bool,
-    ) -> Option<usize> {
-        self.number += 1;
-        self.buckets.iter_mut().for_each(Vec::clear);
-        let number = self.number;
-        self.reached[start] = Reached { search: number, cost: 0, step: 0, settled: false };
-        let mut now = estimate(start) as usize;
-        self.buckets[now % BUCKETS].push(start as u32);
-        let mut empty = 0;
-        while empty < BUCKETS {
-            let Some(index) = self.buckets[now % BUCKETS].pop() else {
-                now += 1;
-                empty += 1;
-                continue;
-            };
-            empty = 0;
-            let index = index as usize;
-            if self.reached[index].settled {
-                continue;
-            }
-            self.reached[index].settled = true;
-            let cost = self.reached[index].cost;
-            if is_goal(index, cost) {
-                return Some(index);
-            }
-            for (step, next, price) in links.neighbors(index) {
-                let total = cost + price;
-                let known = self.reached[next];
-                if known.search == number && (known.settled || known.cost <= total) || !enter(next) {
-                    continue;
-                }
-                self.reached[next] = Reached { search: number, cost: total, step: step as u8, settled: false };
-                self.buckets[(total + estimate(next)) as usize % BUCKETS].push(next as u32);
-            }
-        }
-        None
-    }
-
-    /// Returns the cells from `end` back to the start of the last search.
-    fn trace(&self, cols: usize, end: usize, start: usize) -> Vec<usize> {
-        let mut cells = vec![end];
-        let mut at = end;
-        while at != start {
-            let (row, col) = STEPS[usize::from(self.reached[at].step)];
-            at = (at as isize - row * cols as isize - col) as usize;
-            cells.push(at);
-        }
-        cells
-    }
-}
+/// A line may be this much dearer than the way that it shortens, as a share: costs along lines are sums over points.
+const TOLERANCE: f64 = 0.01;
 
 /// A way from a start to a goal: a line of straight pieces.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -142,10 +17,12 @@ pub struct Route {
     points: Vec<Point>,
     /// Length of the way from the start to each point.
     arcs: Vec<f64>,
+    /// To whose taste it is the cheapest; `None` where it is the shortest.
+    taste: Option<Taste>,
 }
 
 impl Route {
-    /// Joins points to a route.
+    /// Joins points to a route, along which the shortest ways are taken.
     ///
     /// # Panics
     /// If there is no point.
@@ -158,7 +35,13 @@ impl Route {
             length += pair[0].distance(pair[1]);
             arcs.push(length);
         }
-        Self { points, arcs }
+        Self { points, arcs, taste: None }
+    }
+
+    /// Returns to whose taste the route is the cheapest; `None` where it is the shortest.
+    #[must_use]
+    pub(super) const fn taste(&self) -> Option<Taste> {
+        self.taste
     }
 
     /// Returns the points.
@@ -203,54 +86,74 @@ impl Route {
 #[derive(Debug, Clone)]
 pub struct Router {
     links: Links,
+    /// What cells cost; `None` where ways are the shortest ones.
+    costs: Option<Costs>,
 }
 
 impl Router {
     /// Links the open cells of a free space.
     #[must_use]
-    pub fn new(space: &FreeSpace) -> Self {
-        Self { links: Links::new(space.open()) }
+    pub fn new(space: &FreeSpace, config: &CrowdConfig) -> Self {
+        Self { links: Links::new(space.open()), costs: Costs::new(space, config) }
     }
 
     /// Returns working memory for searches on this map.
     #[must_use]
     pub fn search(&self) -> Search {
-        Search::new(self.links.0.len())
+        Search::new(self.links.len())
     }
 
-    /// Finds a short way between two points, `from` first, over cells that `enter` does not refuse.
+    /// Draws somebody's taste; `None`, and nothing drawn, where all ways are the shortest ones.
+    pub fn draw_taste(&self, stream: &mut Stream) -> Option<Taste> {
+        self.costs.as_ref().map(|costs| costs.draw_taste(stream))
+    }
+
+    /// Returns the taste of whoever has drawn none.
+    #[must_use]
+    pub fn default_taste(&self) -> Option<Taste> {
+        self.costs.as_ref().map(|_| Taste::default())
+    }
+
+    /// Finds a way between two points, `from` first, over cells that `enter` does not refuse.
     ///
-    /// The way is a shortest one on the eight-connected grid, then straightened by visibility. `None` if either end is
-    /// not near an open cell or nothing joins them.
+    /// The way is the cheapest one to a taste on the eight-connected grid, or the shortest one to none, then straightened
+    /// where that makes it no dearer. `None` if either end is not near an open cell or nothing joins them.
     pub fn route(
         &self,
         space: &FreeSpace,
         search: &mut Search,
-        from: Point,
-        to: Point,
-        mut enter: impl FnMut(Cell) -> bool,
+        taste: Option<Taste>,
+        ends: [Point; 2],
+        enter: impl FnMut(Cell) -> bool,
     ) -> Option<Route> {
-        let open = space.open();
+        let [from, to] = ends;
         let (first, last) = (space.open_near(from)?, space.open_near(to)?);
         if space.regions()[first] != space.regions()[last] {
             return None;
         }
-        let (first_index, last_index) = (open.index_of(first), open.index_of(last));
-        let cols = open.cols();
-        let estimate = |index: usize| octile(index % cols, index / cols, first.col, first.row);
         // From the goal to the start, so that the trace runs from the start to the goal.
-        let found = search.run(
-            &self.links,
-            last_index,
-            estimate,
-            |index| index == first_index || enter(open.cell_of(index)),
-            |index, _| index == first_index,
-        )?;
-        let cells = search.trace(cols, found, last_index);
-        Some(straightened(space, from, to, &cells))
+        let cells = match (taste, &self.costs) {
+            (Some(taste), Some(costs)) => self.way(search, &costs.to(taste), [last, first], enter)?,
+            _ => self.way(search, &Length, [last, first], enter)?,
+        };
+        Some(self.straightened(space, taste, ends, &cells))
     }
 
-    /// Finds the nearest open cell that satisfies `is_place` on foot from a point, and the way there.
+    /// Finds a cheapest way over cells and returns it from its end to its start.
+    fn way(
+        &self,
+        search: &mut Search,
+        toll: &impl Toll,
+        [start, end]: [Cell; 2],
+        mut enter: impl FnMut(Cell) -> bool,
+    ) -> Option<Vec<Cell>> {
+        let estimate = |cell: Cell| toll.estimate(cell, end);
+        let enter = |cell: Cell| cell == end || enter(cell);
+        let found = search.run(&self.links, toll, start, estimate, enter, |cell, _| cell == end)?;
+        Some(search.trace(&self.links, found, start))
+    }
+
+    /// Finds the nearest open cell that satisfies `is_place` on foot from a point, and the shortest way there.
     ///
     /// Cells that `enter` refuses are not walked through, and ways longer than `limit` meters not tried.
     pub fn nearest(
@@ -259,95 +162,93 @@ impl Router {
         search: &mut Search,
         from: Point,
         limit: f64,
-        mut enter: impl FnMut(Cell) -> bool,
+        enter: impl FnMut(Cell) -> bool,
         mut is_place: impl FnMut(Cell) -> bool,
     ) -> Option<Route> {
-        let open = space.open();
-        let start = open.index_of(space.open_near(from)?);
-        let most = (limit / space.map().resolution() * f64::from(STRAIGHT)) as u32;
+        let start = space.open_near(from)?;
+        let most = (limit / space.map().resolution() * f64::from(Length::LENGTHS[0])) as u32;
         let mut too_far = false;
-        let found = search.run(
-            &self.links,
-            start,
-            |_| 0,
-            |index| enter(open.cell_of(index)),
-            |index, cost| {
-                too_far = cost > most;
-                too_far || is_place(open.cell_of(index))
-            },
-        )?;
+        let is_goal = |cell: Cell, cost: u32| {
+            too_far = cost > most;
+            too_far || is_place(cell)
+        };
+        let found = search.run(&self.links, &Length, start, |_| 0, enter, is_goal)?;
         if too_far {
             return None;
         }
-        let mut cells = search.trace(open.cols(), found, start);
+        let mut cells = search.trace(&self.links, found, start);
         cells.reverse();
-        let to = space.map().frame().center(open.cell_of(found));
-        Some(straightened(space, from, to, &cells))
+        let to = space.map().frame().center(found);
+        Some(self.straightened(space, None, [from, to], &cells))
     }
 
     /// Returns the open cell that is the farthest on foot from a cell, and the length of the way there in meters.
     pub fn farthest(&self, space: &FreeSpace, search: &mut Search, from: Cell) -> (Cell, f64) {
-        let open = space.open();
-        let mut last = (open.index_of(from), 0);
-        search.run(
-            &self.links,
-            last.0,
-            |_| 0,
-            |_| true,
-            |index, cost| {
-                last = (index, cost);
-                false
-            },
-        );
-        (open.cell_of(last.0), f64::from(last.1) / f64::from(STRAIGHT) * space.map().resolution())
+        let mut last = (from, 0);
+        let note = |cell: Cell, cost: u32| {
+            last = (cell, cost);
+            false
+        };
+        search.run(&self.links, &Length, from, |_| 0, |_| true, note);
+        (last.0, f64::from(last.1) / f64::from(Length::LENGTHS[0]) * space.map().resolution())
     }
-}
 
-/// Returns the cost of the way between two cells on an empty grid.
-fn octile(col: usize, row: usize, to_col: usize, to_row: usize) -> u32 {
-    let (dx, dy) = (col.abs_diff(to_col) as u32, row.abs_diff(to_row) as u32);
-    let (short, long) = (dx.min(dy), dx.max(dy));
-    short * DIAGONAL + (long - short) * STRAIGHT
-}
+    /// Tells whether those of a taste who are at the first of three points may go straight to the last, which is in sight,
+    /// rather than by way of the second: without a taste always, else if that is no dearer.
+    pub fn is_shortcut(&self, space: &FreeSpace, taste: Option<Taste>, [from, via, to]: [Point; 3]) -> bool {
+        let (Some(taste), Some(costs)) = (taste, &self.costs) else { return true };
+        let (frame, costs) = (space.map().frame(), costs.to(taste));
+        let around = costs.along(frame, from, via) + costs.along(frame, via, to);
+        costs.along(frame, from, to) <= around * (1.0 + TOLERANCE)
+    }
 
-/// Straightens a chain of cells: from each bend on to the furthest cell that is seen without a break.
-fn straightened(space: &FreeSpace, from: Point, to: Point, cells: &[usize]) -> Route {
-    let frame = space.map().frame();
-    let open = space.open();
-    let center = |i: usize| frame.center(open.cell_of(cells[i]));
-    let last = cells.len() - 1;
-    let mut points = vec![from];
-    let mut at = 0;
-    let mut eye = center(0);
-    while at < last {
-        let mut next = at + 1;
-        while next < last && space.sees(eye, center(next + 1)) {
-            next += 1;
+    /// Straightens a chain of cells: from each bend on to the furthest cell that is seen without a break, and where there
+    /// is a taste that it is no dearer to go straight to.
+    fn straightened(&self, space: &FreeSpace, taste: Option<Taste>, [from, to]: [Point; 2], cells: &[Cell]) -> Route {
+        let frame = space.map().frame();
+        let costs = taste.and_then(|taste| Some(self.costs.as_ref()?.to(taste)));
+        let along = |a: Point, b: Point| costs.map_or(0.0, |costs| costs.along(frame, a, b));
+        let center = |i: usize| frame.center(cells[i]);
+        let last = cells.len() - 1;
+        let mut points = vec![from];
+        let mut at = 0;
+        let mut eye = center(0);
+        while at < last {
+            let mut next = at + 1;
+            let mut cost = along(eye, center(next));
+            while next < last && space.sees(eye, center(next + 1)) {
+                cost += along(center(next), center(next + 1));
+                if along(eye, center(next + 1)) > cost * (1.0 + TOLERANCE) {
+                    break;
+                }
+                next += 1;
+            }
+            at = next;
+            eye = center(at);
+            points.push(eye);
         }
-        at = next;
-        eye = center(at);
-        points.push(eye);
-    }
-    // The goal is in or beside the last cell.
-    if points.len() > 1 {
-        points.pop();
-    }
-    points.push(to);
-    Route::new(shortened(space, points))
-}
-
-/// Drops bends that are not needed: those whose neighbors see each other.
-fn shortened(space: &FreeSpace, mut points: Vec<Point>) -> Vec<Point> {
-    let mut i = 1;
-    while i + 1 < points.len() {
-        if space.sees(points[i - 1], points[i + 1]) {
-            points.remove(i);
-            i = i.saturating_sub(1).max(1);
-        } else {
-            i += 1;
+        // The goal is in or beside the last cell.
+        if points.len() > 1 {
+            points.pop();
         }
+        points.push(to);
+        Route { taste, ..Route::new(self.shortened(space, taste, points)) }
     }
-    points
+
+    /// Drops bends that are not needed: those whose neighbors see each other, if it is no dearer without.
+    fn shortened(&self, space: &FreeSpace, taste: Option<Taste>, mut points: Vec<Point>) -> Vec<Point> {
+        let mut i = 1;
+        while i + 1 < points.len() {
+            let three = [points[i - 1], points[i], points[i + 1]];
+            if space.sees(three[0], three[2]) && self.is_shortcut(space, taste, three) {
+                points.remove(i);
+                i = i.saturating_sub(1).max(1);
+            } else {
+                i += 1;
+            }
+        }
+        points
+    }
 }
 
 #[cfg(test)]
@@ -364,7 +265,7 @@ mod tests {
     #[test]
     fn routes_are_little_longer_than_the_grid_allows() {
         let space = rooms();
-        let router = Router::new(&space);
+        let router = Router::new(&space, &CrowdConfig::default());
         let mut search = router.search();
         let mut stream = Stream::new(3, &[0; 32], 0, "routes");
         let cells: Vec<Cell> = space.open().cells().filter(|cell| space.open()[*cell]).collect();
@@ -372,15 +273,14 @@ mod tests {
         for _ in 0..300 {
             let (a, b) =
                 (frame.center(cells[stream.below(cells.len())]), frame.center(cells[stream.below(cells.len())]));
-            let route = router.route(&space, &mut search, a, b, |_| true).expect("one region");
+            let route = router.route(&space, &mut search, None, [a, b], |_| true).expect("one region");
             assert_eq!((route.points()[0], route.end()), (a, b));
             for pair in route.points().windows(2) {
                 assert!(space.sees(pair[0], pair[1]), "{pair:?}");
             }
-            let start = space.open().index_of(space.open_near(b).expect("open"));
-            let end = space.open().index_of(space.open_near(a).expect("open"));
-            search.run(&router.links, start, |_| 0, |_| true, |index, _| index == end);
-            let on_grid = f64::from(search.reached[end].cost) / 700.0;
+            let (start, end) = (space.open_near(b).expect("open"), space.open_near(a).expect("open"));
+            search.run(&router.links, &Length, start, |_| 0, |_| true, |cell, _| cell == end);
+            let on_grid = f64::from(search.cost_of(&router.links, end)) / 700.0;
             assert!(route.length() <= on_grid + 1e-3 && route.length() >= a.distance(b) - 1e-9);
             assert!(route.length() >= on_grid / 1.0824 - 1e-3, "{} {on_grid}", route.length());
         }
@@ -389,13 +289,13 @@ mod tests {
     #[test]
     fn a_refused_door_leads_to_a_detour_or_to_none() {
         let space = rooms();
-        let router = Router::new(&space);
+        let router = Router::new(&space, &CrowdConfig::default());
         let mut search = router.search();
         let frame = space.map().frame();
         let (a, b) = (frame.center(Cell::new(13, 13)), frame.center(Cell::new(13, 67)));
-        let free = router.route(&space, &mut search, a, b, |_| true).expect("through the door");
+        let free = router.route(&space, &mut search, None, [a, b], |_| true).expect("through the door");
         assert!(free.length() < 6.0);
-        assert_eq!(router.route(&space, &mut search, a, b, |cell| !(36..45).contains(&cell.col)), None);
+        assert_eq!(router.route(&space, &mut search, None, [a, b], |cell| !(36..45).contains(&cell.col)), None);
     }
 
     #[test]
@@ -413,7 +313,7 @@ mod tests {
     #[test]
     fn the_nearest_place_is_nearest_on_foot() {
         let space = rooms();
-        let router = Router::new(&space);
+        let router = Router::new(&space, &CrowdConfig::default());
         let mut search = router.search();
         let frame = space.map().frame();
         let from = frame.center(Cell::new(13, 33));
@@ -421,5 +321,87 @@ mod tests {
         let route = router.nearest(&space, &mut search, from, 9.0, |_| true, right_room).expect("a place");
         assert!(route.length() > 1.2 && route.length() < 2.5, "{route:?}");
         assert_eq!(router.nearest(&space, &mut search, from, 1.0, |_| true, right_room), None);
+    }
+
+    /// A hall of 12 m × 6 m with a pillar of 2 m × 2 m in its middle.
+    fn pillar() -> FreeSpace {
+        let rows = ["########", "#......#", "#..#...#", "#......#", "########"];
+        FreeSpace::new(&plan(&rows, 20), 0.2)
+    }
+
+    fn comfortable() -> CrowdConfig {
+        CrowdConfig { clearance_cost: 3.0, variety: 1.0, ..CrowdConfig::default() }
+    }
+
+    /// Returns the least distance of a route from walls but for its first and last meter.
+    fn clearance(space: &FreeSpace, route: &Route) -> f64 {
+        let wide = FreeSpace::new(space.map(), 3.0);
+        let arcs = (0..).map(|i| 1.0 + 0.05 * f64::from(i)).take_while(|arc| *arc < route.length() - 1.0);
+        arcs.map(|arc| wide.gap(route.at(arc))).fold(3.0, f64::min)
+    }
+
+    #[test]
+    fn routes_to_a_taste_are_the_cheapest_and_straightened_no_dearer() {
+        let space = rooms();
+        let router = Router::new(&space, &comfortable());
+        let costs = router.costs.as_ref().expect("costs");
+        let (mut search, mut slow) = (router.search(), router.search());
+        let mut stream = Stream::new(5, &[0; 32], 0, "routes");
+        let cells: Vec<Cell> = space.open().cells().filter(|cell| space.open()[*cell]).collect();
+        let frame = space.map().frame();
+        for _ in 0..60 {
+            let (a, b) = (cells[stream.below(cells.len())], cells[stream.below(cells.len())]);
+            let taste = router.draw_taste(&mut stream).expect("a taste");
+            let toll = costs.to(taste);
+            let way = router.way(&mut search, &toll, [b, a], |_| true).expect("one region");
+            slow.run(&router.links, &toll, b, |_| 0, |_| true, |cell, _| cell == a).expect("one region");
+            // Both ends count as they are: a step costs by the cell that it leads onto.
+            assert_eq!(search.cost_of(&router.links, a), slow.cost_of(&router.links, a));
+            let ends = [frame.center(a), frame.center(b)];
+            let route = router.route(&space, &mut search, Some(taste), ends, |_| true).expect("one region");
+            let along =
+                |points: &[Point]| points.windows(2).map(|pair| toll.along(frame, pair[0], pair[1])).sum::<f64>();
+            let chain: Vec<Point> = way.iter().map(|cell| frame.center(*cell)).collect();
+            let (found, on_grid) = (along(route.points()), along(&chain));
+            assert!(found <= on_grid * 1.03 + 1e-9, "{found} {on_grid}");
+            assert!(route.points().windows(2).all(|pair| space.sees(pair[0], pair[1])));
+            assert_eq!(route.taste(), Some(taste));
+        }
+    }
+
+    #[test]
+    fn comfortable_routes_keep_off_corners() {
+        // From room to room through a door, and around the pillar.
+        let space = pillar();
+        let (from, to) = (Point::new(3.0, 5.0), Point::new(11.0, 5.2));
+        let found = |config: &CrowdConfig| {
+            let router = Router::new(&space, config);
+            let taste = router.default_taste();
+            let route = router.route(&space, &mut router.search(), taste, [from, to], |_| true).expect("a way");
+            (clearance(&space, &route), route.length())
+        };
+        let (shortest, comfortable) =
+            (found(&CrowdConfig::default()), found(&CrowdConfig { variety: 0.0, ..comfortable() }));
+        assert!(shortest.0 < 0.31 && comfortable.0 > 0.5, "{shortest:?} {comfortable:?}");
+        assert!(comfortable.1 < 1.15 * shortest.1, "{shortest:?} {comfortable:?}");
+    }
+
+    #[test]
+    fn people_differ_in_the_side_they_take() {
+        let space = pillar();
+        let router = Router::new(&space, &comfortable());
+        let mut search = router.search();
+        let mut stream = Stream::new(6, &[0; 32], 0, "sides");
+        // The pillar is between x = 6 and 8 m, y = 4 and 6 m; the shorter way leads above it.
+        let ends = [Point::new(3.0, 5.2), Point::new(13.0, 5.2)];
+        let above = (0..200)
+            .filter(|_| {
+                let taste = router.draw_taste(&mut stream);
+                let route = router.route(&space, &mut search, taste, ends, |_| true).expect("a way");
+                let beside = (0..).map(|i| route.at(0.05 * f64::from(i))).find(|point| point.x > 7.0);
+                beside.expect("it gets there").y > 5.0
+            })
+            .count();
+        assert!((60..180).contains(&above), "{above}");
     }
 }

@@ -49,7 +49,7 @@ impl Scene {
     }
 
     fn assemble(space: FreeSpace, walls: &[Vec<Point>], config: &CrowdConfig) -> Result<Self, CrowdError> {
-        let router = Router::new(&space);
+        let router = Router::new(&space, config);
         let gates = Gates::new(&space);
         let places = Places::new(&space, &router, config)?;
         let fastest = config.speed.max * config.max_speed_factor;

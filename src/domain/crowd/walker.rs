@@ -4,10 +4,12 @@ use crate::domain::geometry::Point;
 use crate::domain::random::Stream;
 
 use super::routes::Route;
-use super::space::FreeSpace;
+use super::scene::Scene;
 
 /// An agent has arrived this near to its goal, in meters.
 pub const ARRIVAL: f64 = 0.2;
+/// A point of a route is about reached this near to it, in meters.
+const ABOUT_REACHED: f64 = 0.3;
 /// Seconds over which a path must advance, and by how many meters, or else it is stuck.
 const WATCH: f64 = 5.0;
 const LEAST_ADVANCE: f64 = 0.5;
@@ -59,7 +61,12 @@ impl Line {
     }
 
     /// Looks along the route from `position`; returns `false` if no point of it is in sight any more.
-    pub fn look(&mut self, space: &FreeSpace, position: Point) -> bool {
+    ///
+    /// Where the route is to somebody's taste, a point in sight is looked at only if it is no dearer to go straight there
+    /// than by way of the point that was looked at before, or if that one is about reached: else whoever follows a route
+    /// that keeps off a corner would cut it.
+    pub fn look(&mut self, scene: &Scene, position: Point) -> bool {
+        let space = scene.space();
         let eye = space.eye(position);
         let length = self.route.length();
         for _ in 0..3 {
@@ -68,9 +75,9 @@ impl Line {
             }
             let bend = self.route.bend_after(self.seen);
             // A bend further on is approached bit by bit, so that a long piece comes into sight gradually.
-            let next = if space.sees(eye, self.route.at(bend)) {
+            let next = if self.is_next(scene, eye, bend) {
                 bend
-            } else if bend - self.seen > 0.6 && space.sees(eye, self.route.at(self.seen + 0.3)) {
+            } else if bend - self.seen > 0.6 && self.is_next(scene, eye, self.seen + 0.3) {
                 self.seen + 0.3
             } else {
                 break;
@@ -91,6 +98,14 @@ impl Line {
             back = (back - 0.4).max(0.0);
         }
         false
+    }
+
+    /// Tells whether the point after `arc` meters may be looked at from `eye` in place of the present one.
+    fn is_next(&self, scene: &Scene, eye: Point, arc: f64) -> bool {
+        let (aim, next) = (self.aim(), self.route.at(arc));
+        let is_near = eye.distance(aim) < ABOUT_REACHED;
+        scene.space().sees(eye, next)
+            && (is_near || scene.router().is_shortcut(scene.space(), self.route.taste(), [eye, aim, next]))
     }
 
     /// Returns the way ahead of `position` for at most `length` meters, as points from the position on.

@@ -114,8 +114,9 @@ impl<'s> Crowd<'s> {
     /// Sends an agent to a goal; returns `false`, and lets it be, if no way leads there.
     pub fn send(&mut self, agent: usize, goal: Point) -> bool {
         let from = self.position(agent);
-        let route =
-            self.floor.scene.router().route(self.floor.scene.space(), &mut self.floor.search, from, goal, |_| true);
+        let (router, space) = (self.floor.scene.router(), self.floor.scene.space());
+        let taste = router.default_taste();
+        let route = router.route(space, &mut self.floor.search, taste, [from, goal], |_| true);
         route.is_some_and(|route| {
             self.send_along(agent, route);
             true
@@ -222,19 +223,19 @@ impl<'s> Crowd<'s> {
         let position = self.floor.simulation.position(agent);
         let walker = &mut self.floor.walkers[agent];
         if let Some(aside) = &mut walker.aside
-            && !aside.line.look(scene.space(), position)
+            && !aside.line.look(scene, position)
         {
             walker.aside = None;
         }
-        if walker.aside.is_none() && !walker.line.look(scene.space(), position) {
+        if walker.aside.is_none() && !walker.line.look(scene, position) {
             // Pushed out of sight of its route: find the way anew.
-            let goal = walker.line.route.end();
-            if let Some(route) = scene.router().route(scene.space(), &mut self.floor.search, position, goal, |_| true) {
+            if let Some(route) = self.floor.way_on(agent, |_| true) {
+                let walker = &mut self.floor.walkers[agent];
                 walker.reroute(route, position, false);
-                walker.line.look(scene.space(), position);
+                walker.line.look(scene, position);
             }
         }
-        let wish = walker.wish(position, config.time_step);
+        let wish = self.floor.walkers[agent].wish(position, config.time_step);
         let wish = self.evading(wish, agent);
         let walker = &mut self.floor.walkers[agent];
         let wish = wish + walker.noise(config.noise, config.time_step);

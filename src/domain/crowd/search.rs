@@ -1,0 +1,226 @@
+//! Cheapest ways over the open cells of a grid: A\* with buckets, in whole numbers.
+
+use crate::domain::geometry::{Cell, Grid};
+
+/// Rows and columns to the eight neighbors, sides first.
+const STEPS: [(isize, isize); 8] = [(-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
+
+/// What steps cost: the length of the step times the cost of the cell that it leads onto.
+pub trait Toll {
+    /// Lengths of a step to a side and to a corner.
+    const LENGTHS: [u32; 2];
+
+    /// Returns the cost of a cell.
+    fn cost(&self, cell: Cell) -> u16;
+
+    /// Returns a lower and an upper bound of the cost of any cell.
+    fn bounds(&self) -> [u16; 2];
+
+    /// Returns a consistent lower bound of the cost of the way between two cells: that on an empty grid.
+    fn estimate(&self, from: Cell, to: Cell) -> u32 {
+        let [straight, diagonal] = Self::LENGTHS.map(|length| length * u32::from(self.bounds()[0]));
+        let (dx, dy) = (from.col.abs_diff(to.col) as u32, from.row.abs_diff(to.row) as u32);
+        let (short, long) = (dx.min(dy), dx.max(dy));
+        short * diagonal + (long - short) * straight
+    }
+}
+
+/// All cells cost the same, so that the cheapest way is the shortest one.
+#[derive(Debug, Clone, Copy)]
+pub struct Length;
+
+impl Toll for Length {
+    /// 99 / 70 is √2 to within 0.01 %.
+    const LENGTHS: [u32; 2] = [70, 99];
+
+    fn cost(&self, _: Cell) -> u16 {
+        1
+    }
+
+    fn bounds(&self) -> [u16; 2] {
+        [1, 1]
+    }
+}
+
+/// Which of the eight neighbors can be reached from each cell, corners not cut: one bit each, in the order of `STEPS`.
+#[derive(Debug, Clone)]
+pub struct Links(Grid<u8>);
+
+impl Links {
+    /// Links the open cells of a map.
+    #[must_use]
+    pub fn new(open: &Grid<bool>) -> Self {
+        Self(Grid::from_fn(open.rows(), open.cols(), |cell| {
+            let is_open = |row, col| open.get(cell.row as isize + row, cell.col as isize + col) == Some(&true);
+            let mut bits = 0;
+            for (bit, (row, col)) in STEPS.into_iter().enumerate() {
+                if open[cell] && is_open(row, col) && is_open(row, 0) && is_open(0, col) {
+                    bits |= 1 << bit;
+                }
+            }
+            bits
+        }))
+    }
+
+    /// Returns the number of cells.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.0.len()
+    }
+
+    /// Returns the linked neighbors of a cell, each with the number of the step there.
+    fn neighbors(&self, cell: Cell) -> impl Iterator<Item = (usize, Cell)> {
+        let mut bits = self.0[cell];
+        std::iter::from_fn(move || {
+            if bits == 0 {
+                return None;
+            }
+            let step = bits.trailing_zeros() as usize;
+            bits &= bits - 1;
+            let (row, col) = STEPS[step];
+            Some((step, Cell::new(cell.row.wrapping_add_signed(row), cell.col.wrapping_add_signed(col))))
+        })
+    }
+}
+
+/// A cell's part in one search.
+#[derive(Debug, Clone, Copy, Default)]
+struct Reached {
+    /// Number of the search that wrote it: older entries count as not reached.
+    search: u32,
+    /// Cost of the way so far, and of the cell.
+    total: u32,
+    cost: u16,
+    /// Step of `STEPS` that led here.
+    step: u8,
+    settled: bool,
+}
+
+/// The working memory of searches, kept between them so that a search allocates nothing.
+#[derive(Debug, Clone)]
+pub struct Search {
+    reached: Vec<Reached>,
+    buckets: Buckets,
+    number: u32,
+}
+
+/// A ring of buckets, each a stack of cells: a list through one vector, so that neither many nor full ones scatter in memory.
+#[derive(Debug, Clone, Default)]
+struct Buckets {
+    /// The uppermost entry of each bucket, as many as a power of two.
+    tops: Vec<u32>,
+    /// Cells, each with the entry below it.
+    entries: Vec<(u32, u32)>,
+}
+
+/// No entry.
+const NONE: u32 = u32::MAX;
+
+impl Buckets {
+    /// Empties the ring, and makes it one of `count` buckets, a power of two.
+    fn reset(&mut self, count: usize) {
+        self.tops.clear();
+        self.tops.resize(count, NONE);
+        self.entries.clear();
+    }
+
+    fn push(&mut self, key: usize, cell: usize) {
+        let bucket = key & (self.tops.len() - 1);
+        self.entries.push((cell as u32, self.tops[bucket]));
+        self.tops[bucket] = self.entries.len() as u32 - 1;
+    }
+
+    fn pop(&mut self, key: usize) -> Option<usize> {
+        let bucket = key & (self.tops.len() - 1);
+        let top = self.tops[bucket];
+        if top == NONE {
+            return None;
+        }
+        let (cell, below) = self.entries[top as usize];
+        self.tops[bucket] = below;
+        Some(cell as usize)
+    }
+}
+
+impl Search {
+    /// Makes room for searches on a grid of `cells` cells.
+    #[must_use]
+    pub fn new(cells: usize) -> Self {
+        Self { reached: vec![Reached::default(); cells], buckets: Buckets::default(), number: 0 }
+    }
+
+    /// Finds a cheapest way to a cell that is a goal and returns that cell, or `None` if there is none.
+    ///
+    /// A\* with buckets: `estimate` is a consistent lower bound of the cost that is left (0 searches evenly in all
+    /// directions), `enter` refuses cells. Ties are broken by the order of `STEPS`, so the answer is always the same.
+    pub fn run<T: Toll>(
+        &mut self,
+        links: &Links,
+        toll: &T,
+        start: Cell,
+        estimate: impl Fn(Cell) -> u32,
+        mut enter: impl FnMut(Cell) -> bool,
+        mut is_goal: impl FnMut(Cell, u32) -> bool,
+    ) -> Option<Cell> {
+        self.number += 1;
+        // The cost of an entry, its estimate included, is at most two steps above the current one.
+        let ring = (2 * (T::LENGTHS[1] * u32::from(toll.bounds()[1])) as usize + 1).next_power_of_two();
+        self.buckets.reset(ring);
+        let (number, cols) = (self.number, links.0.cols());
+        self.reached[links.0.index_of(start)] = Reached { search: number, ..Reached::default() };
+        let mut now = estimate(start) as usize;
+        self.buckets.push(now, links.0.index_of(start));
+        let mut empty = 0;
+        while empty < ring {
+            let Some(index) = self.buckets.pop(now) else {
+                now += 1;
+                empty += 1;
+                continue;
+            };
+            empty = 0;
+            if self.reached[index].settled {
+                continue;
+            }
+            self.reached[index].settled = true;
+            let (total, cell) = (self.reached[index].total, Cell::new(index / cols, index % cols));
+            if is_goal(cell, total) {
+                return Some(cell);
+            }
+            for (step, next) in links.neighbors(cell) {
+                let index = next.row * cols + next.col;
+                let known = self.reached[index];
+                let is_known = known.search == number;
+                if is_known && known.settled {
+                    continue;
+                }
+                let cost = if is_known { known.cost } else { toll.cost(next) };
+                let total = total + T::LENGTHS[usize::from(step >= 4)] * u32::from(cost);
+                if is_known && known.total <= total || !enter(next) {
+                    continue;
+                }
+                self.reached[index] = Reached { search: number, total, cost, step: step as u8, settled: false };
+                self.buckets.push((total + estimate(next)) as usize, index);
+            }
+        }
+        None
+    }
+
+    /// Returns the cells from `end` back to the start of the last search.
+    #[must_use]
+    pub fn trace(&self, links: &Links, end: Cell, start: Cell) -> Vec<Cell> {
+        let mut cells = vec![end];
+        let mut at = end;
+        while at != start {
+            let (row, col) = STEPS[usize::from(self.reached[links.0.index_of(at)].step)];
+            at = Cell::new(at.row.wrapping_add_signed(-row), at.col.wrapping_add_signed(-col));
+            cells.push(at);
+        }
+        cells
+    }
+
+    /// Returns the cost of the way to a cell that the last search settled.
+    #[cfg(test)]
+    pub fn cost_of(&self, links: &Links, cell: Cell) -> u32 {
+        self.reached[links.0.index_of(cell)].total
+    }
+}
