@@ -1,5 +1,6 @@
 //! The crowd layer: the oracle's scenes in which plain ORCA is stuck, and statistics over episodes on maps.
 
+mod people;
 mod polygons;
 
 use rayon::prelude::*;

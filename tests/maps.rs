@@ -9,7 +9,8 @@ use trodden::domain::map::{ImportConfig, MapYaml, OccupancyMap, import_ros, regi
 
 use super::needs::Need;
 
-fn import(yaml: &Path, resolution: f64) -> OccupancyMap {
+/// Imports a map as it comes, at a resolution in meters.
+pub fn import(yaml: &Path, resolution: f64) -> OccupancyMap {
     let text = std::fs::read_to_string(yaml).expect("the YAML is readable");
     let parsed = MapYaml::parse(&text).unwrap_or_else(|error| panic!("{}: {error}", yaml.display()));
     let image = std::fs::read(yaml.with_file_name(&parsed.image)).expect("the image is readable");

@@ -13,6 +13,8 @@ pub enum Need {
     Oracle,
     /// Maps of others.
     Maps,
+    /// People who were recorded.
+    Tracks,
     /// Small inputs that went wrong once.
     Cases,
     /// A Python with what `tests/python/requirements.txt` lists.
@@ -30,9 +32,10 @@ pub enum Need {
 }
 
 impl Need {
-    const ALL: [Self; 9] = [
+    const ALL: [Self; 10] = [
         Self::Oracle,
         Self::Maps,
+        Self::Tracks,
         Self::Cases,
         Self::Python,
         Self::Browser,
@@ -46,6 +49,7 @@ impl Need {
         match self {
             Self::Oracle => "oracle",
             Self::Maps => "maps",
+            Self::Tracks => "tracks",
             Self::Cases => "cases",
             Self::Python => "python",
             Self::Browser => "browser",
@@ -89,6 +93,7 @@ impl Need {
         let path = match self {
             Self::Oracle => "oracle/orca",
             Self::Maps => "maps",
+            Self::Tracks => "tracks",
             Self::Cases => "cases",
             _ => unreachable!("only data lie in a folder"),
         };
