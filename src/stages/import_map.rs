@@ -20,7 +20,7 @@ const MOST_YAML: u64 = 1 << 20;
 /// What is the same for every imported map.
 pub const SPEC: StageSpec = StageSpec {
     name: "import-map",
-    version: 2,
+    version: 3,
     ports: &[],
     output: kind::<OccupancyMap>(),
     seeded: false,

@@ -3,14 +3,15 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use arrow::array::{ArrayRef, Int8Array, Int64Array, RecordBatch, UInt32Array};
+use arrow::array::{ArrayRef, BooleanArray, Int8Array, Int64Array, RecordBatch, UInt8Array, UInt32Array};
 use arrow::datatypes::{Field, Schema};
 use parquet::arrow::ArrowWriter;
 use parquet::file::metadata::KeyValue;
-use trodden::domain::geometry::Point;
+use trodden::domain::geometry::{Cell, Frame, Grid, Point};
+use trodden::domain::map::{Observed, OccupancyMap};
 use trodden::domain::quantize::Labels;
 use trodden::domain::tracks::Sample;
-use trodden::kinds::{Checkpoint, Heat, Placed, SingleFile, TrackWriter};
+use trodden::kinds::{Checkpoint, Heat, Placed, SingleFile, TrackWriter, data_frame};
 
 use super::samples;
 
@@ -131,6 +132,32 @@ fn foreign_and_wrong_files_are_named() {
     Forged::labels().column("row", shuffled).refused(wrong, "trodden show");
     let error = Placed::<Labels>::from_bytes(b"row,col,class".to_vec()).expect_err("no Parquet");
     assert_eq!(error.to_string(), "the Parquet file of `Labels` is damaged");
+}
+
+#[test]
+fn maps_without_that_column_show_what_is_free() {
+    let mut forged = Forged::labels().with("kind", "OccupancyMap");
+    forged.columns.pop();
+    forged.columns.push(("free", Arc::new(BooleanArray::from(vec![false, true, false, false]))));
+    let map = OccupancyMap::from_bytes(forged.bytes()).expect("a map");
+    let free = Grid::from_fn(2, 2, |cell| cell == Cell::new(0, 1));
+    assert_eq!(map, OccupancyMap::new(free, Frame::at_zero(0.1, 2, 2)).expect("a free cell"));
+    let names = |map: &OccupancyMap| {
+        let file = data_frame(map.to_bytes().expect("encoded")).expect("a table");
+        file.get_column_names().into_iter().map(ToString::to_string).collect::<Vec<_>>()
+    };
+    assert_eq!(names(&map), ["row", "col", "x", "y", "free"]);
+
+    forged.columns.push(("observed", Arc::new(UInt8Array::from(vec![0, 1, 2, 1]))));
+    let map = OccupancyMap::from_bytes(forged.bytes()).expect("a map that shows more");
+    assert_eq!(map.observed().as_slice(), [Observed::Occupied, Observed::Free, Observed::Unknown, Observed::Free]);
+    assert_eq!(names(&map), ["row", "col", "x", "y", "free", "observed"]);
+    let forged = forged.column("observed", Arc::new(UInt8Array::from(vec![0, 1, 3, 1])));
+    let error = OccupancyMap::from_bytes(forged.bytes()).expect_err("no such code");
+    assert_eq!(
+        error.to_string(),
+        "the column `observed` of `OccupancyMap` holds `3` in row 2, expected was 0 (occupied), 1 (free) or 2 (unknown)"
+    );
 }
 
 #[test]

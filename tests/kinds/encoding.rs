@@ -39,7 +39,7 @@ fn bytes_are_a_function_of_the_value() {
     assert_eq!(
         digests,
         [
-            "OccupancyMap 1 03fc8c598fd0f4c0",
+            "OccupancyMap 1 5bed279c14fcc5b0",
             "VisitCounts 1 d56191366558d7e3",
             "Labels 1 f8093f86458d9cd5",
             "Heat 1 38c5120df7b5da53",
@@ -75,6 +75,7 @@ fn types_are_those_of_the_design_page() {
     };
     let mut expected = place();
     expected.push(column("free", DataType::Boolean));
+    expected.push(column("observed", DataType::UInt8));
     assert_eq!(types(samples::map().to_bytes().expect("encoded")), expected);
     let mut expected = place();
     expected.push(column("heat", DataType::Float32));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use trodden::domain::geometry::{Cell, Frame, Grid, Point};
-use trodden::domain::map::OccupancyMap;
+use trodden::domain::map::{Observed, OccupancyMap};
 use trodden::domain::quantize::{ClassCounts, Labels};
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::{ClassScores, Confusion, Estimate, FloorScores};
@@ -18,7 +18,14 @@ pub fn frame() -> Frame {
 }
 
 pub fn map() -> OccupancyMap {
-    OccupancyMap::new(Grid::from_fn(4, 5, |c| c.row != 0 && c.col != 4), frame()).expect("free cells")
+    let map = OccupancyMap::new(Grid::from_fn(4, 5, |c| c.row != 0 && c.col != 4), frame()).expect("free cells");
+    // Nobody has looked behind the right wall.
+    let observed = Grid::from_fn(4, 5, |c| match (c.row, c.col) {
+        (_, 4) => Observed::Unknown,
+        (0, _) => Observed::Occupied,
+        _ => Observed::Free,
+    });
+    map.with_observed(observed).expect("of one size")
 }
 
 pub fn visits() -> Placed<VisitCounts> {

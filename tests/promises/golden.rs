@@ -226,7 +226,7 @@ fn output_changes_only_with_a_version() {
         bench.check(name, parameters, Part::Whole, &[("map", &map)]);
     }
     let expected = [
-        "import-map 2 b7ebf1a695f0f910",
+        "import-map 3 b7ebf1a695f0f910",
         "generate-map 1 80f54047a065fb99",
         "generate-map 1 989c93a8be7cbef2",
         "simulate 2 d92fe9d3736d0b78",

@@ -57,6 +57,7 @@ POLARS = {
     "int8": pl.Int8,
     "int32": pl.Int32,
     "int64": pl.Int64,
+    "uint8": pl.UInt8,
     "uint32": pl.UInt32,
     "uint64": pl.UInt64,
     "float": pl.Float32,
@@ -69,6 +70,7 @@ DUCKDB = {
     "int8": "TINYINT",
     "int32": "INTEGER",
     "int64": "BIGINT",
+    "uint8": "UTINYINT",
     "uint32": "UINTEGER",
     "uint64": "UBIGINT",
     "float": "FLOAT",
@@ -90,7 +92,7 @@ def expected_columns(kind: str, metadata: dict[str, str], found: set[str]) -> di
     classes = int(metadata.get("classes", 0))
     tile = int(metadata.get("size", 0)) ** 2
     return {
-        "OccupancyMap": PLACE | {"free": "bool"},
+        "OccupancyMap": PLACE | {"free": "bool"} | ({"observed": "uint8"} if "observed" in found else {}),
         "Trajectories": TRACKS,
         "VisitCounts": PLACE | {"visits": "uint32"},
         "Labels": PLACE | {"class": "int8"},

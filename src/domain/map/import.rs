@@ -141,8 +141,8 @@ fn finish(
     place: impl FnOnce(Frame) -> Frame,
 ) -> Result<Imported, MapImportError> {
     let frame = place(Frame::at_zero(resolution, pixels.rows(), pixels.cols()));
-    let (free, frame) = resample(pixels, &frame, config.resolution)?;
-    let (map, survey) = choose(&free, &frame, form, config.region)?;
+    let (cells, frame) = resample(pixels, &frame, config.resolution)?;
+    let (map, survey) = choose(&cells, &frame, form, config.region)?;
     Ok(Imported { map, survey })
 }
 

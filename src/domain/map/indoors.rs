@@ -3,6 +3,7 @@
 use super::config::Region;
 use super::error::MapImportError;
 use super::form::MapForm;
+use super::observed::Observed;
 use super::occupancy::OccupancyMap;
 use super::regions::regions;
 use crate::domain::geometry::{Cell, Frame, Grid, Point};
@@ -84,16 +85,17 @@ struct Area {
 /// Keeps the regions that are asked for, cut out with a margin of one blocked cell on each side.
 ///
 /// The first in row-major order wins a tie. The origin moves with the cut, so no cell changes its place in the world.
+/// Regions that are not kept are blocked, but observed as they are; of what lies beyond the picture nothing is known.
 ///
 /// # Errors
 /// [`MapImportError`] if no cell is free, less than a square meter is kept, or no region lies at the place asked for.
 pub(super) fn choose(
-    free: &Grid<bool>,
+    cells: &Grid<Observed>,
     frame: &Frame,
     form: MapForm,
     region: Region,
 ) -> Result<(OccupancyMap, Survey), MapImportError> {
-    let (labels, sizes) = regions(free);
+    let (labels, sizes) = regions(&cells.map(|cell| *cell == Observed::Free));
     let mut areas = areas(&labels, &sizes);
     let cell_area = frame.resolution * frame.resolution;
     mark_outdoors(&mut areas, &labels, form, cell_area);
@@ -122,7 +124,7 @@ pub(super) fn choose(
         paper: false,
         region,
     };
-    let map = cut(&labels, frame, &areas, &keep)?;
+    let map = cut(cells, &labels, frame, &areas, &keep)?;
     if survey.kept < LEAST - 1e-9 {
         return Err(MapImportError::TooSmall { area: survey.kept });
     }
@@ -221,7 +223,13 @@ fn nowhere(frame: &Frame, x: f64, y: f64) -> MapImportError {
     MapImportError::NoRegion { x, y, low: bound(f64::INFINITY, f64::min), high: bound(f64::NEG_INFINITY, f64::max) }
 }
 
-fn cut(labels: &Grid<u32>, frame: &Frame, areas: &[Area], keep: &[bool]) -> Result<OccupancyMap, MapImportError> {
+fn cut(
+    cells: &Grid<Observed>,
+    labels: &Grid<u32>,
+    frame: &Frame,
+    areas: &[Area],
+    keep: &[bool],
+) -> Result<OccupancyMap, MapImportError> {
     let kept = || areas.iter().zip(keep).filter(|(_, keep)| **keep).map(|(area, _)| area);
     let none = super::occupancy::MapError::NoFreeSpace;
     let (Some(top), Some(left)) = (kept().map(|area| area.top).min(), kept().map(|area| area.left).min()) else {
@@ -229,16 +237,22 @@ fn cut(labels: &Grid<u32>, frame: &Frame, areas: &[Area], keep: &[bool]) -> Resu
     };
     let bottom = kept().map(|area| area.bottom).max().unwrap_or(top);
     let right = kept().map(|area| area.right).max().unwrap_or(left);
-    let free = Grid::from_fn(bottom - top + 3, right - left + 3, |cell| {
-        let (row, col) = ((top + cell.row) as isize - 1, (left + cell.col) as isize - 1);
+    let (rows, cols) = (bottom - top + 3, right - left + 3);
+    let before = |cell: Cell| ((top + cell.row) as isize - 1, (left + cell.col) as isize - 1);
+    let free = Grid::from_fn(rows, cols, |cell| {
+        let (row, col) = before(cell);
         labels.get(row, col).is_some_and(|label| *label > 0 && keep[*label as usize - 1])
+    });
+    let observed = Grid::from_fn(rows, cols, |cell| {
+        let (row, col) = before(cell);
+        cells.get(row, col).copied().unwrap_or(Observed::Unknown)
     });
     let corner = Point::new(
         (left as f64 - 1.0) * frame.resolution,
         (frame.rows as f64 - 2.0 - bottom as f64) * frame.resolution,
     );
     let frame = Frame { origin: frame.to_map(corner), rows: free.rows(), cols: free.cols(), ..*frame };
-    Ok(OccupancyMap::new(free, frame)?)
+    Ok(OccupancyMap::new(free, frame)?.with_observed(observed)?)
 }
 
 #[cfg(test)]
@@ -246,16 +260,20 @@ mod tests {
     use super::*;
     use MapForm::{Igibson, Image, Ros};
 
-    /// A drawing of free (`.`) and blocked cells of half a meter.
-    fn drawing(rows: &[&str]) -> (Grid<bool>, Frame) {
-        let free = Grid::from_fn(rows.len(), rows[0].len(), |c| rows[c.row].as_bytes()[c.col] == b'.');
-        let frame = Frame::at_zero(0.5, free.rows(), free.cols());
-        (free, frame)
+    /// A drawing of free (`.`), unknown (`?`) and occupied cells of half a meter.
+    fn drawing(rows: &[&str]) -> (Grid<Observed>, Frame) {
+        let cells = Grid::from_fn(rows.len(), rows[0].len(), |c| match rows[c.row].as_bytes()[c.col] {
+            b'.' => Observed::Free,
+            b'?' => Observed::Unknown,
+            _ => Observed::Occupied,
+        });
+        let frame = Frame::at_zero(0.5, cells.rows(), cells.cols());
+        (cells, frame)
     }
 
     fn chosen(rows: &[&str], form: MapForm, region: Region) -> Result<(OccupancyMap, Survey), MapImportError> {
-        let (free, frame) = drawing(rows);
-        choose(&free, &frame, form, region)
+        let (cells, frame) = drawing(rows);
+        choose(&cells, &frame, form, region)
     }
 
     /// Checks how many cells are kept and how many are left out as outdoors.
@@ -363,8 +381,23 @@ mod tests {
     }
 
     #[test]
+    fn what_is_not_kept_is_still_observed() {
+        let rows = ["?######", "......#", ".###..#", ".#.#..#", ".###..#", "......#"];
+        let (map, _) = chosen(&rows, Ros, Region::Largest).expect("a map");
+        let drawn: Vec<String> = (0..map.observed().rows())
+            .map(|row| map.observed().row(row).iter().map(|cell| ['#', '.', '?'][*cell as usize]).collect())
+            .collect();
+        // On the left and below, the margin lies beyond the picture.
+        let expected = ["??######", "?......#", "?.###..#", "?.#.#..#", "?.###..#", "?......#", "????????"];
+        assert_eq!(drawn, expected);
+        assert!(!map.is_free(3, 3), "nobody gets into the chamber");
+        assert_eq!(map.free_cells(), 21);
+    }
+
+    #[test]
     fn what_is_kept_keeps_its_place_in_the_world() {
         let free = Grid::from_fn(4, 7, |c| matches!((c.row, c.col), (0, 0) | (1..=2, 3..=5)));
+        let free = free.map(|free| Observed::of_free(*free));
         for yaw in [0.0, 0.7] {
             let frame = Frame { origin: Point::new(-3.0, 8.0), yaw, ..Frame::at_zero(0.5, 4, 7) };
             let (map, _) = choose(&free, &frame, Ros, Region::Largest).expect("free cells");
@@ -377,7 +410,7 @@ mod tests {
             let (same, _) = choose(&free, &frame, Ros, Region::At(before.x, before.y)).expect("free cells");
             assert_eq!(same, map);
         }
-        let error = choose(&Grid::filled(2, 2, false), &Frame::at_zero(0.1, 2, 2), Ros, Region::Largest);
+        let error = choose(&Grid::filled(2, 2, Observed::Occupied), &Frame::at_zero(0.1, 2, 2), Ros, Region::Largest);
         assert!(matches!(error, Err(MapImportError::Map(_))), "{error:?}");
     }
 }

@@ -7,6 +7,7 @@ mod form;
 mod import;
 mod indoors;
 mod jpeg;
+mod observed;
 mod occupancy;
 mod picture;
 mod pnm;
@@ -25,6 +26,7 @@ pub use import::{
     IGIBSON_RESOLUTION, Imported, igibson_floor, igibson_image, import_igibson, import_image, import_ros,
 };
 pub use indoors::Survey;
+pub use observed::Observed;
 pub use occupancy::{MapError, OccupancyMap};
 pub use picture::{DECODER_THREAD, is_image};
 pub use regions::{neighbors4, regions};

@@ -1,14 +1,18 @@
-//! The map itself: which cells are free, and how far they are from what is not.
+//! The map itself: which cells are free, how far they are from what is not, and what a sensor shows of them.
 
 use super::distance::squared_wall_distances;
+use super::observed::Observed;
 use crate::domain::geometry::{Frame, Grid};
 
 /// The free cells of a floor, and where they lie in the world.
 ///
-/// Everything that is not free is blocked: walls, furniture, unknown space and all that lies outside of the grid.
+/// Everything that is not free is blocked: walls, furniture, unknown space and all that lies outside of the grid. Beside
+/// that stands what is [observed](Self::observed) of each cell, which may be less, more or something else: what people
+/// walk on and what a model is asked about are two things.
 #[derive(Debug, Clone, PartialEq)]
 pub struct OccupancyMap {
     free: Grid<bool>,
+    observed: Grid<Observed>,
     frame: Frame,
 }
 
@@ -20,12 +24,14 @@ pub enum MapError {
     NoFreeSpace,
     #[error("the grid has {rows} × {cols} cells, its frame {frame_rows} × {frame_cols}")]
     FrameMismatch { rows: usize, cols: usize, frame_rows: usize, frame_cols: usize },
+    #[error("{observed} cells are observed, but the map has {cells}")]
+    ObservedMismatch { observed: usize, cells: usize },
     #[error("the resolution `{0}` is not a positive number of meters")]
     Resolution(f64),
 }
 
 impl OccupancyMap {
-    /// Joins free cells (`true`) with their frame.
+    /// Joins free cells (`true`) with their frame; what is observed is just that.
     ///
     /// # Errors
     /// [`MapError`] if no cell is free, the sizes disagree or the resolution is not positive.
@@ -44,13 +50,33 @@ impl OccupancyMap {
         if !free.as_slice().contains(&true) {
             return Err(MapError::NoFreeSpace);
         }
-        Ok(Self { free, frame })
+        let observed = free.map(|free| Observed::of_free(*free));
+        Ok(Self { free, observed, frame })
+    }
+
+    /// Replaces what is observed of the cells.
+    ///
+    /// # Errors
+    /// [`MapError::ObservedMismatch`] if the grid is not of the map's size.
+    pub fn with_observed(self, observed: Grid<Observed>) -> Result<Self, MapError> {
+        if (observed.rows(), observed.cols()) != (self.free.rows(), self.free.cols()) {
+            return Err(MapError::ObservedMismatch { observed: observed.len(), cells: self.free.len() });
+        }
+        Ok(Self { observed, ..self })
     }
 
     /// Returns the grid of free cells.
     #[must_use]
     pub const fn free(&self) -> &Grid<bool> {
         &self.free
+    }
+
+    /// Returns what a sensor or a drawing shows of each cell: the input of a model.
+    ///
+    /// Cells that are shown as free need not be [free](Self::free): people may have no way there.
+    #[must_use]
+    pub const fn observed(&self) -> &Grid<Observed> {
+        &self.observed
     }
 
     /// Returns where the grid lies.
@@ -114,6 +140,17 @@ mod tests {
         let map = OccupancyMap::new(grid(&[".....", ".....", "....."]), Frame::at_zero(0.1, 3, 5)).expect("a map");
         assert!((map.clearance()[Cell::new(1, 2)] - 0.15).abs() < 1e-12);
         assert_eq!(map.eroded(0.1).as_slice().iter().filter(|f| **f).count(), 3);
+    }
+
+    #[test]
+    fn what_is_observed_follows_from_what_is_free_unless_it_is_told() {
+        let map = OccupancyMap::new(grid(&[".#"]), Frame::at_zero(0.1, 1, 2)).expect("a map");
+        assert_eq!(map.observed().as_slice(), [Observed::Free, Observed::Occupied]);
+        let told = Grid::from_vec(1, 2, vec![Observed::Unknown, Observed::Free]);
+        let map = map.with_observed(told.clone()).expect("of one size");
+        assert_eq!((map.observed(), map.free_cells()), (&told, 1));
+        let error = map.with_observed(Grid::filled(2, 2, Observed::Free)).expect_err("of another size");
+        assert_eq!(error, MapError::ObservedMismatch { observed: 4, cells: 2 });
     }
 
     #[test]

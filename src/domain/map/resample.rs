@@ -1,16 +1,17 @@
 //! Pixels into cells of another size, by position.
 
 use super::error::MapImportError;
+use super::observed::Observed;
 use super::picture::Pixel;
 use super::ratio::Ratio;
 use super::samples::MOST_CELLS;
 use super::separation::{Count, Spans, separate};
 use crate::domain::geometry::{Cell, Frame, Grid};
 
-/// Computes the free cells of `resolution` meters from an image of smaller, equal or larger pixels.
+/// Computes what cells of `resolution` meters show of an image of smaller, equal or larger pixels.
 ///
 /// Both grids share the lower left corner. A cell is blocked if any occupied pixel falls into it and free if at least
-/// half of its pixels are free; unknown pixels are not free. A pixel falls into the cell that holds its center, since
+/// half of its pixels are free; what is neither is unknown. A pixel falls into the cell that holds its center, since
 /// widths such as 0.03 m do not divide 0.1 m. Lines of unknown pixels too thin to fill half a cell still [separate] what
 /// lies at their sides. Where pixels are *larger* than cells, the overlap of their areas decides instead: any overlap with
 /// an occupied pixel blocks, and at least half of the cell's area within the image must be free.
@@ -21,27 +22,29 @@ pub(super) fn resample(
     pixels: &Grid<Pixel>,
     frame: &Frame,
     resolution: f64,
-) -> Result<(Grid<bool>, Frame), MapImportError> {
+) -> Result<(Grid<Observed>, Frame), MapImportError> {
     let ratio = Ratio::of(frame.resolution, resolution);
     let (rows, cols) = (ratio.cells(pixels.rows()), ratio.cells(pixels.cols()));
     if rows.saturating_mul(cols) > MOST_CELLS {
         return Err(MapImportError::TooManyPixels { width: cols, height: rows, most: MOST_CELLS });
     }
     let target = Frame { resolution, rows: rows as usize, cols: cols as usize, ..*frame };
-    let free =
+    let cells =
         if ratio.cells <= ratio.pixels { by_center(pixels, ratio, &target) } else { by_area(pixels, ratio, &target) };
-    Ok((free, target))
+    Ok((cells, target))
 }
 
 /// Spreads free and blocked cells over `resolution` meters, which must not be larger than their own.
 #[must_use]
 pub fn refined(free: &Grid<bool>, frame: &Frame, resolution: f64) -> (Grid<bool>, Frame) {
     let pixels = free.map(|free| if *free { Pixel::Free } else { Pixel::Occupied });
-    resample(&pixels, frame, resolution).expect("a drawing refined to 0.02 m is far below the limit")
+    let (cells, frame) =
+        resample(&pixels, frame, resolution).expect("a drawing refined to 0.02 m is far below the limit");
+    (cells.map(|cell| *cell == Observed::Free), frame)
 }
 
 /// Sorts small pixels into cells by their centers.
-fn by_center(pixels: &Grid<Pixel>, ratio: Ratio, target: &Frame) -> Grid<bool> {
+fn by_center(pixels: &Grid<Pixel>, ratio: Ratio, target: &Frame) -> Grid<Observed> {
     let index = |pixel: usize, cells: usize| ratio.cell_of(pixel).min(cells - 1);
     let cols: Vec<usize> = (0..pixels.cols()).map(|col| index(col, target.cols)).collect();
     // Rows count from the top, positions from the bottom.
@@ -71,7 +74,7 @@ fn spans(cell_of: &[usize], cells: usize) -> Vec<(usize, usize)> {
 }
 
 /// Weighs large pixels by the area that they share with a cell, in parts of which `ratio.cells` make an edge of a pixel.
-fn by_area(pixels: &Grid<Pixel>, ratio: Ratio, target: &Frame) -> Grid<bool> {
+fn by_area(pixels: &Grid<Pixel>, ratio: Ratio, target: &Frame) -> Grid<Observed> {
     // Each cell's pixels along one axis, counted from the bottom or left, with the length of the cell that each covers.
     let lengths = |cell: usize, count: usize| -> Vec<(usize, u64)> {
         let (low, high) = (cell as u64 * ratio.pixels, (cell as u64 + 1) * ratio.pixels);
@@ -119,23 +122,31 @@ mod tests {
         })
     }
 
-    fn drawn(free: &Grid<bool>) -> Vec<String> {
-        (0..free.rows()).map(|row| free.row(row).iter().map(|f| if *f { '.' } else { '#' }).collect()).collect()
+    fn drawn(cells: &Grid<Observed>) -> Vec<String> {
+        (0..cells.rows())
+            .map(|row| cells.row(row).iter().map(|cell| ['#', '.', '?'][*cell as usize]).collect())
+            .collect()
     }
 
     fn check(from: f64, to: f64, source: &[&str], expected: &[&str]) {
         let source = pixels(source);
         let frame = Frame::at_zero(from, source.rows(), source.cols());
-        let (free, target) = resample(&source, &frame, to).expect("a small grid");
-        assert_eq!(drawn(&free), expected, "{from} to {to}");
-        assert_eq!((target.rows, target.cols, target.resolution), (free.rows(), free.cols(), to));
+        let (cells, target) = resample(&source, &frame, to).expect("a small grid");
+        assert_eq!(drawn(&cells), expected, "{from} to {to}");
+        assert_eq!((target.rows, target.cols, target.resolution), (cells.rows(), cells.cols(), to));
     }
 
     #[test]
     fn one_occupied_pixel_blocks_and_half_free_ones_free() {
-        check(0.05, 0.1, &["..?.", "..??", "#.??", "..??"], &[".#", "##"]);
-        check(0.05, 0.1, &["...?", "...?", "...?", "..??"], &["..", ".#"]);
-        check(0.1, 0.1, &[".?#", "..."], &[".##", "..."]);
+        check(0.05, 0.1, &["..?.", "..??", "#.??", "..??"], &[".?", "#?"]);
+        check(0.05, 0.1, &["...?", "...?", "...?", "..??"], &["..", ".?"]);
+        check(0.1, 0.1, &[".?#", "..."], &[".?#", "..."]);
+    }
+
+    #[test]
+    fn a_cell_without_pixels_is_unknown() {
+        // Seven pixels of 0.03 m reach to 0.21 m, but no center lies beyond 0.2 m.
+        check(0.03, 0.1, &["......."], &["..?"]);
     }
 
     #[test]
@@ -156,9 +167,9 @@ mod tests {
 
     #[test]
     fn a_coarse_source_is_spread_over_finer_cells() {
-        check(0.2, 0.1, &[".#", "?."], &["..##", "..##", "##..", "##.."]);
+        check(0.2, 0.1, &[".#", "?."], &["..##", "..##", "??..", "??.."]);
         // The middle cell of 0.1 m lies half in each pixel of 0.15 m.
-        check(0.15, 0.1, &[".?"], &["..#", "..#"]);
+        check(0.15, 0.1, &[".?"], &["..?", "..?"]);
         check(0.15, 0.1, &[".#"], &[".##", ".##"]);
     }
 
@@ -185,13 +196,18 @@ mod tests {
                         let pixels = Grid::from_fn(40, 100, |c| {
                             if (start(c)..start(c) + width).contains(&c.col) { Pixel::Unknown } else { Pixel::Free }
                         });
-                        let (free, _) = resample(&pixels, &Frame::at_zero(from, 40, 100), to).expect("a small grid");
+                        let free_of = |pixels: &Grid<Pixel>| {
+                            let (cells, _) =
+                                resample(pixels, &Frame::at_zero(from, 40, 100), to).expect("a small grid");
+                            cells.map(|cell| *cell == Observed::Free)
+                        };
+                        let free = free_of(&pixels);
                         let (_, sizes) = regions(&free);
                         let large = sizes.iter().filter(|size| 10 * **size > free.len()).count();
                         assert_eq!(large, 2, "{width} of {from} in {to}, offset {offset}, lean {lean}: {sizes:?}");
                         // The line costs what a painted one would, at most.
                         let painted = pixels.map(|pixel| if *pixel == Pixel::Free { *pixel } else { Pixel::Occupied });
-                        let (solid, _) = resample(&painted, &Frame::at_zero(from, 40, 100), to).expect("a small grid");
+                        let solid = free_of(&painted);
                         assert!(solid.cells().all(|cell| free[cell] || !solid[cell]), "{width} of {from} in {to}");
                     }
                 }

@@ -10,6 +10,7 @@
 
 use std::collections::BTreeMap;
 
+use super::observed::Observed;
 use super::picture::Pixel;
 use crate::domain::geometry::{Cell, Grid};
 
@@ -34,8 +35,10 @@ pub(super) struct Spans {
     pub cols: Vec<(usize, usize)>,
 }
 
-/// Returns the cells that are free, from what falls into each. A spot of `spot` × `spot` pixels fits into a cell.
-pub(super) fn separate(pixels: &Grid<Pixel>, counts: &Grid<Count>, spans: &Spans, spot: usize) -> Grid<bool> {
+/// Returns what the cells show, from what falls into each. A spot of `spot` × `spot` pixels fits into a cell.
+///
+/// What is neither free nor holds an occupied pixel is unknown, a line that separates too.
+pub(super) fn separate(pixels: &Grid<Pixel>, counts: &Grid<Count>, spans: &Spans, spot: usize) -> Grid<Observed> {
     let mut free = counts.map(|count| count.is_free());
     let fine = Fine { pixels, spans, spot };
     // The floor of each cell that has other pixels than free ones.
@@ -57,7 +60,11 @@ pub(super) fn separate(pixels: &Grid<Pixel>, counts: &Grid<Count>, spans: &Spans
             }
         }
     }
-    free
+    Grid::from_fn(counts.rows(), counts.cols(), |cell| match (free[cell], counts[cell].occupied) {
+        (true, _) => Observed::Free,
+        (false, true) => Observed::Occupied,
+        (false, false) => Observed::Unknown,
+    })
 }
 
 /// The pixels and where the cells lie in them.
@@ -197,10 +204,15 @@ mod tests {
         })
     }
 
+    fn resampled(pixels: &Grid<Pixel>, from: f64) -> Grid<bool> {
+        let frame = Frame::at_zero(from, pixels.rows(), pixels.cols());
+        let (cells, _) = resample(pixels, &frame, 0.1).expect("a small grid");
+        cells.map(|cell| *cell == Observed::Free)
+    }
+
     fn check(from: f64, source: &[&str], expected: &[&str]) {
         let source = pixels(source);
-        let frame = Frame::at_zero(from, source.rows(), source.cols());
-        let (free, _) = resample(&source, &frame, 0.1).expect("a small grid");
+        let free = resampled(&source, from);
         let drawn: Vec<String> =
             (0..free.rows()).map(|row| free.row(row).iter().map(|f| if *f { '.' } else { '#' }).collect()).collect();
         assert_eq!(drawn, expected);
@@ -283,7 +295,7 @@ mod tests {
             scene in scenes(),
             from in prop::sample::select(vec![0.05, 0.03, 0.025, 0.02, 0.01, 0.07]),
         ) {
-            let (free, _) = resample(&scene, &Frame::at_zero(from, 60, 60), 0.1).expect("a small grid");
+            let free = resampled(&scene, from);
             let (coarse, _) = regions(&free);
             let (fine, sizes) = regions(&scene.map(|pixel| *pixel == Pixel::Free));
             // Cells all of whose pixels are free belong to one region; which of them lie together in the result?
@@ -315,7 +327,7 @@ mod tests {
             // Specks that do not touch each other: every third pixel at most, and none at the border.
             let unknown = |c: Cell| c.row % 3 == 1 && c.col % 3 == 1 && specks.contains(&(c.row / 3, c.col / 3));
             let scene = Grid::from_fn(60, 60, |c| if unknown(c) { Pixel::Unknown } else { Pixel::Free });
-            let (free, _) = resample(&scene, &Frame::at_zero(from, 60, 60), 0.1).expect("a small grid");
+            let free = resampled(&scene, from);
             prop_assert!(free.as_slice().iter().all(|free| *free));
         }
     }
