@@ -7,10 +7,11 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::generate_map::{self, GenerateMap};
+use super::generate_map::{self, Drawing, GenerateMap};
 use super::import_map::{self, ImportMap};
 use super::map_origin::Origin;
 use super::{parse, schema};
+use crate::domain::homes::buildings::BuildingConfig;
 use crate::domain::homes::{HomeConfig, HomeKind};
 use crate::domain::map::{ImportConfig, MapForm, MapImportError, igibson_floor};
 use crate::pipeline::stage::{MapNode, MapSource, ParameterError, StageError};
@@ -21,15 +22,22 @@ pub const SOURCES: &[MapSource] = &[
         name: "homes",
         doc: "Generated homes `home_00`, `home_01`, …",
         seeded: true,
-        expand: |value, _| generated(value, HomeKind::Home, "home"),
-        schema: generated_schema,
+        expand: |value, _| homes(value, HomeKind::Home, "home"),
+        schema: homes_schema,
     },
     MapSource {
         name: "offices",
         doc: "Generated offices `office_00`, `office_01`, …",
         seeded: true,
-        expand: |value, _| generated(value, HomeKind::Office, "office"),
-        schema: generated_schema,
+        expand: |value, _| homes(value, HomeKind::Office, "office"),
+        schema: homes_schema,
+    },
+    MapSource {
+        name: "buildings",
+        doc: "Generated buildings `building_00`, `building_01`, … of many kinds, as maps or scans show them.",
+        seeded: true,
+        expand: |value, _| buildings(value),
+        schema: buildings_schema,
     },
     MapSource {
         name: "files",
@@ -61,33 +69,63 @@ struct Series {
     first: u32,
 }
 
-fn generated(value: &Value, of: HomeKind, prefix: &str) -> Result<Vec<MapNode>, ParameterError> {
+fn homes(value: &Value, of: HomeKind, prefix: &str) -> Result<Vec<MapNode>, ParameterError> {
+    let (series, settings) = series(value)?;
+    let mut config: HomeConfig = parse(&settings)?;
+    config.kind = of;
+    config.check().map_err(|error| super::refused_setting(&error))?;
+    series.nodes(prefix, &Drawing::Home(config))
+}
+
+fn buildings(value: &Value) -> Result<Vec<MapNode>, ParameterError> {
+    let (series, settings) = series(value)?;
+    let config: BuildingConfig = parse(&settings)?;
+    config.check().map_err(|error| super::refused_setting(&error))?;
+    series.nodes("building", &Drawing::Building(config))
+}
+
+/// Tells which maps of a series are wanted from how they are drawn.
+fn series(value: &Value) -> Result<(Series, Value), ParameterError> {
     let Value::Object(fields) = value else {
         return Err(refused_here(format!("expected `{{ count: 12 }}`, found `{value}`")));
     };
     let (series, rest): (Vec<_>, Vec<_>) =
         fields.clone().into_iter().partition(|(key, _)| key == "count" || key == "first");
-    let series: Series = parse(&Value::Object(series.into_iter().collect()))?;
-    let mut config: HomeConfig = parse(&Value::Object(rest.into_iter().collect()))?;
-    config.kind = of;
-    config.check().map_err(|error| super::refused_setting(&error))?;
-    if !(1..=100_000).contains(&series.count) {
-        return Err(super::refused("count", format!("`count` is {}, allowed are 1 to 100,000", series.count)));
-    }
-    let last = series.first.checked_add(series.count).ok_or_else(|| super::refused("first", "`first` is too large"))?;
-    let node = |number: u32| MapNode {
-        name: format!("{prefix}_{number:02}"),
-        spec: &generate_map::SPEC,
-        stage: Arc::new(GenerateMap::new(number, config.clone())),
-    };
-    Ok((series.first..last).map(node).collect())
+    Ok((parse(&Value::Object(series.into_iter().collect()))?, Value::Object(rest.into_iter().collect())))
 }
 
-fn generated_schema() -> Value {
-    let (mut whole, series) = (schema::<HomeConfig>(), schema::<Series>());
+impl Series {
+    fn nodes(&self, prefix: &str, drawing: &Drawing) -> Result<Vec<MapNode>, ParameterError> {
+        if !(1..=100_000).contains(&self.count) {
+            return Err(super::refused("count", format!("`count` is {}, allowed are 1 to 100,000", self.count)));
+        }
+        let last = self.first.checked_add(self.count).ok_or_else(|| super::refused("first", "`first` is too large"))?;
+        let node = |number: u32| MapNode {
+            name: format!("{prefix}_{number:02}"),
+            spec: &generate_map::SPEC,
+            stage: Arc::new(GenerateMap::new(number, drawing.clone())),
+        };
+        Ok((self.first..last).map(node).collect())
+    }
+}
+
+fn homes_schema() -> Value {
+    let mut whole = schema::<HomeConfig>();
     if let Some(properties) = whole.get_mut("properties").and_then(Value::as_object_mut) {
         // The key of the source says which kind it is.
         properties.remove("kind");
+    }
+    series_schema(whole)
+}
+
+fn buildings_schema() -> Value {
+    series_schema(schema::<BuildingConfig>())
+}
+
+/// Adds which maps are wanted to how they are drawn.
+fn series_schema(mut whole: Value) -> Value {
+    let series = schema::<Series>();
+    if let Some(properties) = whole.get_mut("properties").and_then(Value::as_object_mut) {
         properties.extend(series["properties"].as_object().cloned().unwrap_or_default());
     }
     whole["required"] = serde_json::json!(["count"]);

@@ -13,8 +13,8 @@ pub(super) struct Furnisher<'a> {
     pub dice: &'a mut Dice,
     /// The share of the usual furniture that is there.
     pub density: f64,
-    /// Whether chairs and tables show as their legs, as laser scanners see them.
-    pub legs: bool,
+    /// The share of chairs and tables that show as their legs, as laser scanners see them.
+    pub legs: f64,
 }
 
 impl Furnisher<'_> {
@@ -22,6 +22,17 @@ impl Furnisher<'_> {
     pub(super) fn has(&mut self, share: f64) -> bool {
         let share = share * self.density.min(1.0);
         self.dice.chance(share)
+    }
+
+    /// Tells whether the next chair or table shows as its legs.
+    pub(super) fn on_legs(&mut self) -> bool {
+        // All or nothing asks no dice.
+        self.legs >= 1.0 || (self.legs > 0.0 && self.dice.chance(self.legs))
+    }
+
+    /// Returns a table of a shape.
+    pub(super) fn tabletop(&mut self, rect: Rect) -> Shape {
+        if self.on_legs() { Shape::Legs(rect) } else { Shape::Solid(rect) }
     }
 
     /// Puts a piece of `length` along a wall and `depth` into the room, with `front` cells free before it.
@@ -55,17 +66,17 @@ impl Furnisher<'_> {
     }
 
     /// Returns a chair, or a stool, of 0.4 m with its upper left corner at `x` and `y`.
-    pub(super) fn chair(&self, x: i32, y: i32) -> Shape {
-        let rect = Rect::new(x, y, x + 4, y + 4);
-        if self.legs { Shape::Legs(rect) } else { Shape::Solid(rect) }
+    pub(super) fn chair(&mut self, x: i32, y: i32) -> Shape {
+        self.tabletop(Rect::new(x, y, x + 4, y + 4))
     }
 
     /// Puts a table with chairs into the middle of some free floor.
     pub(super) fn table_with_chairs(&mut self, room: Rect, length: i32, depth: i32, seats: bool) -> bool {
+        let legs = self.on_legs();
         for _ in 0..2 * TRIES {
             let upright = if room.height() > room.width() { self.dice.chance(0.8) } else { self.dice.chance(0.2) };
             let (width, height) = if upright { (depth, length) } else { (length, depth) };
-            let round = length == depth && !self.legs;
+            let round = length == depth && !legs;
             let chairs = if seats { 5 } else { 0 };
             // Between chairs and walls there is room to walk; where there is no wall it is there anyway.
             let around = |side: Side| {
@@ -82,7 +93,7 @@ impl Furnisher<'_> {
             if !self.site.is_open(table.grown(chairs + 3)) {
                 continue;
             }
-            let top = match (round, self.legs) {
+            let top = match (round, legs) {
                 (true, _) => Shape::Round(table),
                 (_, true) => Shape::Legs(table),
                 _ => Shape::Solid(table),
@@ -141,7 +152,7 @@ impl Furnisher<'_> {
                 pieces.push(Shape::Solid(side.strip(room, end, 9, back + 9, back + 17)));
             } else {
                 let table = side.strip(room, from + length / 2 - 5, 10, back + 13, back + 19);
-                pieces.push(if self.legs { Shape::Legs(table) } else { Shape::Solid(table) });
+                pieces.push(self.tabletop(table));
             }
             if !self.site.put(room, &pieces, &[]) {
                 continue;

@@ -5,12 +5,16 @@
 //! cut off a part of the floor or block a door is not placed. Last, the plan is turned, and nooks that no disc of
 //! radius 0.2 m comes near are closed, so that all free space is reachable.
 
+mod aisles;
+pub mod buildings;
 mod dice;
 mod finish;
 mod furnish;
 mod house;
 mod office;
+mod outline;
 mod plan;
+mod public;
 mod rooms;
 mod site;
 mod wing;
@@ -71,6 +75,10 @@ pub enum HomeError {
     Range { field: &'static str, value: f64, low: f64, high: f64 },
     #[error("`{field}` is [{}, {}], but the first must not exceed the second{}", .range[0], .range[1], .more)]
     Order { field: &'static str, range: [f64; 2], more: &'static str },
+    #[error("`kinds` is empty, but must name at least one kind of building")]
+    NoKinds,
+    #[error("`area` is [{}, {}], but a {kind} has {low} to {high} m²", .range[0], .range[1])]
+    Kind { kind: &'static str, low: f64, high: f64, range: [f64; 2] },
 }
 
 impl HomeConfig {
@@ -134,7 +142,7 @@ pub fn generate(seed: u64, number: u64, config: &HomeConfig) -> OccupancyMap {
     };
     let mut dice = Dice::new(seed, number, purpose);
     let plan = draw(config, &mut dice);
-    let legs = dice.chance(0.25);
+    let legs = if dice.chance(0.25) { 1.0 } else { 0.0 };
     let mut furnisher = Furnisher { site: Site::new(&plan), dice: &mut dice, density: config.furniture, legs };
     rooms::furnish(&plan, &mut furnisher);
     let free = furnisher.site.into_free();

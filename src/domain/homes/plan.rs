@@ -58,6 +58,16 @@ impl Rect {
         Self::new(self.left - by, self.top - by, self.right + by, self.bottom + by)
     }
 
+    /// Returns the smallest rectangle around both.
+    pub(super) fn around(self, other: Self) -> Self {
+        Self::new(
+            self.left.min(other.left),
+            self.top.min(other.top),
+            self.right.max(other.right),
+            self.bottom.max(other.bottom),
+        )
+    }
+
     /// Returns the cell in the middle, as x and y.
     pub(super) const fn middle(self) -> (i32, i32) {
         ((self.left + self.right) / 2, (self.top + self.bottom) / 2)
@@ -127,6 +137,25 @@ pub(super) enum Purpose {
     Meeting,
     Restroom,
     Lounge,
+    /// A room for patients of a ward.
+    Patient,
+    /// A hall of a ward with a counter.
+    Nurses,
+    Classroom,
+    Canteen,
+    Lobby,
+    /// A hall for sports, an audience or an exhibition.
+    Hall,
+    Shop,
+    /// The hall of a warehouse.
+    Depot,
+    Store,
+    /// A bay, a niche or a recess.
+    Alcove,
+    /// The floor behind a door, kept free.
+    Entry,
+    /// A chamber that nobody can enter.
+    Shaft,
 }
 
 /// A room: its floor, without its walls.
@@ -243,16 +272,7 @@ impl Plan {
 
     /// Returns the smallest rectangle around all rooms.
     pub(super) fn bounds(&self) -> Rect {
-        let mut bounds = self.rooms[0].floor;
-        for Room { floor, .. } in &self.rooms {
-            bounds = Rect::new(
-                bounds.left.min(floor.left),
-                bounds.top.min(floor.top),
-                bounds.right.max(floor.right),
-                bounds.bottom.max(floor.bottom),
-            );
-        }
-        bounds
+        self.rooms.iter().map(|room| room.floor).reduce(Rect::around).expect("a plan has a room")
     }
 }
 

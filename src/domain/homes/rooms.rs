@@ -1,7 +1,9 @@
-//! What stands in the rooms of homes.
+//! What stands in the rooms of homes, and who furnishes the others.
 
+use super::aisles;
 use super::furnish::{Furnisher, TRIES};
-use super::plan::{Plan, Purpose, Rect, Side};
+use super::plan::{Plan, Purpose, Rect, Room, Side};
+use super::public;
 use super::site::Shape;
 use super::workplace;
 
@@ -9,22 +11,38 @@ use super::workplace;
 pub(super) fn furnish(plan: &Plan, furnisher: &mut Furnisher<'_>) {
     for room in &plan.rooms {
         furnisher.site.enter(plan, room.space);
-        let floor = room.floor;
-        match room.purpose {
-            Purpose::Living => furnisher.living(floor),
-            Purpose::Dining => furnisher.dining(floor),
-            Purpose::Kitchen => furnisher.kitchen(floor),
-            Purpose::Bedroom => furnisher.bedroom(floor),
-            Purpose::Bath => furnisher.bath(floor),
-            Purpose::Study => furnisher.study(floor),
-            Purpose::Closet => furnisher.closet(floor),
-            Purpose::Corridor => furnisher.hall(floor),
-            Purpose::OpenOffice => workplace::open_office(furnisher, floor),
-            Purpose::Office => workplace::office(furnisher, floor),
-            Purpose::Meeting => workplace::meeting(furnisher, floor),
-            Purpose::Restroom => workplace::restroom(furnisher, floor),
-            Purpose::Lounge => workplace::lounge(furnisher, floor),
-        }
+        furnish_room(room, furnisher);
+    }
+}
+
+/// Furnishes a room of the space that was entered last.
+pub(super) fn furnish_room(room: &Room, furnisher: &mut Furnisher<'_>) {
+    let floor = room.floor;
+    match room.purpose {
+        Purpose::Living => furnisher.living(floor),
+        Purpose::Dining => furnisher.dining(floor),
+        Purpose::Kitchen => furnisher.kitchen(floor),
+        Purpose::Bedroom => furnisher.bedroom(floor),
+        Purpose::Bath => furnisher.bath(floor),
+        Purpose::Study => furnisher.study(floor),
+        Purpose::Closet => furnisher.closet(floor),
+        Purpose::Corridor => furnisher.hall(floor),
+        Purpose::OpenOffice => workplace::open_office(furnisher, floor),
+        Purpose::Office => workplace::office(furnisher, floor),
+        Purpose::Meeting => workplace::meeting(furnisher, floor),
+        Purpose::Restroom => workplace::restroom(furnisher, floor),
+        Purpose::Lounge => workplace::lounge(furnisher, floor),
+        Purpose::Patient => public::patients(furnisher, floor),
+        Purpose::Nurses => public::nurses(furnisher, floor),
+        Purpose::Classroom => public::classroom(furnisher, floor),
+        Purpose::Canteen => public::canteen(furnisher, floor),
+        Purpose::Lobby => public::lobby(furnisher, floor),
+        Purpose::Hall => public::hall(furnisher, floor),
+        Purpose::Shop => aisles::shop(furnisher, floor),
+        Purpose::Depot => aisles::depot(furnisher, floor),
+        Purpose::Store => aisles::store(furnisher, floor),
+        Purpose::Alcove => furnisher.alcove(floor),
+        Purpose::Entry | Purpose::Shaft => {}
     }
 }
 
@@ -185,6 +203,14 @@ impl Furnisher<'_> {
         }
         if self.has(0.35) {
             self.along_wall(room, 19, 9, 5);
+        }
+    }
+
+    /// Puts a bench or a chest into an alcove.
+    fn alcove(&mut self, room: Rect) {
+        if room.width().min(room.height()) >= 5 && self.has(0.4) {
+            let length = self.dice.range(5, 16);
+            self.along_wall(room, length, 4, 0);
         }
     }
 

@@ -1,5 +1,6 @@
 //! The grid that a plan is drawn on, and the rules for putting furniture into it.
 
+use super::outline::Outline;
 use super::plan::{Opening, Plan, Rect, Side};
 use crate::domain::geometry::{Cell, Grid};
 use crate::domain::map::neighbors4;
@@ -51,9 +52,23 @@ pub(super) struct Site {
     /// What new furniture must not touch: furniture, and the floor before doors and drawers.
     taken: Vec<Rect>,
     kept: Vec<Rect>,
-    /// The rooms and openings that are being furnished.
+    /// The rooms and openings that are being furnished, and the window of the grid that holds them.
     floors: Vec<Rect>,
     doors: Vec<Opening>,
+    window: Rect,
+    /// What does not follow the grid, and the cells that only this blocks.
+    outlines: Vec<Outline>,
+    outlined: Vec<Cell>,
+}
+
+/// What has been drawn of a plan.
+pub(super) struct Drawing {
+    /// Free cells, as if there were no outlines.
+    pub free: Grid<bool>,
+    /// The cell of the grid that lies at 0, 0 of the plan.
+    pub x: i32,
+    pub y: i32,
+    pub outlines: Vec<Outline>,
 }
 
 impl Site {
@@ -74,6 +89,9 @@ impl Site {
             kept: plan.openings.iter().map(|opening| opening.approach(8)).collect(),
             floors: Vec::new(),
             doors: Vec::new(),
+            window: bounds,
+            outlines: Vec::new(),
+            outlined: Vec::new(),
         }
     }
 
@@ -82,10 +100,20 @@ impl Site {
         self.floors = plan.rooms.iter().filter(|room| room.space == space).map(|room| room.floor).collect();
         let touches = |opening: &&Opening| opening.rooms.iter().any(|room| plan.rooms[*room].space == space);
         self.doors = plan.openings.iter().filter(touches).copied().collect();
+        let all = || self.floors.iter().copied().chain(self.doors.iter().map(|door| door.gap));
+        // A square that stands at a border reaches beyond it.
+        self.window = all().reduce(Rect::around).expect("a space has a room").grown(WALK + 1);
     }
 
     pub(super) fn into_free(self) -> Grid<bool> {
         self.free
+    }
+
+    pub(super) fn into_drawing(mut self) -> Drawing {
+        for cell in self.outlined {
+            self.free[cell] = true;
+        }
+        Drawing { free: self.free, x: self.x, y: self.y, outlines: self.outlines }
     }
 
     fn cell(&self, x: i32, y: i32) -> Option<Cell> {
@@ -137,6 +165,26 @@ impl Site {
         false
     }
 
+    /// Builds a wall or a column into `room` if nothing is in its way and it cuts nothing off; tells whether it does.
+    pub(super) fn build(&mut self, room: Rect, outline: Outline) -> bool {
+        let bounds = outline.bounds();
+        if !room.contains(bounds) || !self.is_open(bounds) {
+            return false;
+        }
+        let touched = bounds.cells().filter(|cell| outline.touches(*cell)).filter_map(|(x, y)| self.cell(x, y));
+        let painted: Vec<Cell> = touched.filter(|cell| self.free[*cell]).collect();
+        painted.iter().for_each(|cell| self.free[*cell] = false);
+        if !self.is_walkable() {
+            painted.iter().for_each(|cell| self.free[*cell] = true);
+            return false;
+        }
+        painted.iter().for_each(|cell| self.bare[*cell] = false);
+        self.outlined.extend(painted);
+        self.taken.push(bounds);
+        self.outlines.push(outline);
+        true
+    }
+
     /// Tells whether a disc reaches all of the space it fits into, and a wider one every door.
     fn is_walkable(&self) -> bool {
         let (_, pieces) = self.pieces(STEP);
@@ -144,32 +192,35 @@ impl Site {
             return false;
         }
         let (labels, pieces) = self.pieces(WALK);
+        let labeled = |(x, y): (i32, i32)| labels.get((y - self.window.top) as isize, (x - self.window.left) as isize);
         let mut doors = self.doors.iter().map(|door| {
             let (x, y) = door.gap.middle();
             // Doors have an even number of cells, or an odd one: one of these is the middle.
-            [(x, y), (x - 1, y), (x, y - 1)]
-                .into_iter()
-                .filter_map(|(x, y)| self.cell(x, y))
-                .map(|cell| labels[cell])
-                .max()
-                .unwrap_or(0)
+            [(x, y), (x - 1, y), (x, y - 1)].into_iter().filter_map(labeled).max().copied().unwrap_or(0)
         });
         pieces >= 1 && doors.next().is_none_or(|first| first > 0 && doors.all(|label| label == first))
     }
 
     /// Numbers the pieces of the space's floor on which a square of 2 `reach` + 1 cells can stand and move.
+    ///
+    /// The grid is that of the window.
     fn pieces(&self, reach: i32) -> (Grid<u32>, usize) {
+        let Rect { left, top, .. } = self.window;
+        let (rows, cols) = (self.window.height() as usize, self.window.width() as usize);
         // In here: the space itself; around it, where the square may reach, anything.
-        let mut inside = Grid::filled(self.free.rows(), self.free.cols(), false);
+        let mut inside = Grid::filled(rows, cols, false);
         for (x, y) in self.floors.iter().copied().chain(self.doors.iter().map(|door| door.gap)).flat_map(Rect::cells) {
-            inside[self.cell(x, y).expect("the space lies in the grid")] = true;
+            inside[Cell::new((y - top) as usize, (x - left) as usize)] = true;
         }
-        let sums = Sums::new(&self.free);
-        let mut labels = Grid::filled(self.free.rows(), self.free.cols(), 0u32);
+        let free = Grid::from_fn(rows, cols, |cell| {
+            self.cell(cell.col as i32 + left, cell.row as i32 + top).is_some_and(|cell| self.free[cell])
+        });
+        let sums = Sums::new(&free);
+        let mut labels = Grid::filled(rows, cols, 0u32);
         let mut count = 0;
         let stands = |cell: Cell| inside[cell] && sums.is_free_around(cell, reach);
         let mut stack = Vec::new();
-        for start in self.free.cells().filter(|cell| stands(*cell)) {
+        for start in free.cells().filter(|cell| stands(*cell)) {
             if labels[start] > 0 {
                 continue;
             }

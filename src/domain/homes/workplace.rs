@@ -88,7 +88,7 @@ impl Blocks {
             }
             let from = index * desk;
             let top = side.strip(block, from, desk, 6, 6 + deep);
-            pieces.push(if f.legs { Shape::Legs(top) } else { Shape::Solid(top) });
+            pieces.push(f.tabletop(top));
             if f.dice.chance(0.85) {
                 let out = f.dice.range(0, 1);
                 let seat = side.strip(block, from + f.dice.range(4, desk - 9), 5, out, out + 5);
@@ -144,10 +144,8 @@ fn facing_desk(f: &mut Furnisher<'_>, room: Rect) {
         let from = f.dice.one_of(&[0, spare, spare / 2]);
         let back = f.dice.range(10, 13);
         let top = side.strip(room, from, length, back, back + 8);
-        let mut pieces = vec![
-            if f.legs { Shape::Legs(top) } else { Shape::Solid(top) },
-            Shape::Round(side.strip(room, from + length / 2 - 2, 5, back - 6, back - 1)),
-        ];
+        let mut pieces =
+            vec![f.tabletop(top), Shape::Round(side.strip(room, from + length / 2 - 2, 5, back - 6, back - 1))];
         for seat in 0..f.dice.range(0, 2) {
             pieces.push(Shape::Solid(side.strip(room, from + 2 + 7 * seat, 4, back + 9, back + 13)));
         }
@@ -167,8 +165,7 @@ pub(super) fn meeting(f: &mut Furnisher<'_>, room: Rect) {
     let (x, y) = room.middle();
     let table = Rect::new(x - width / 2, y - height / 2, x - width / 2 + width, y - height / 2 + height);
     if f.has(0.97) {
-        let top = if f.legs { Shape::Legs(table) } else { Shape::Solid(table) };
-        let mut pieces = vec![top];
+        let mut pieces = vec![f.tabletop(table)];
         pieces.extend(f.chairs_around(table));
         if !f.site.put(room, &pieces, &[]) {
             f.table_with_chairs(room, 14, 9, true);

@@ -28,8 +28,8 @@ pub use import::{
 pub use indoors::Survey;
 pub use observed::Observed;
 pub use occupancy::{MapError, OccupancyMap};
-pub use picture::{DECODER_THREAD, is_image};
+pub use picture::{DECODER_THREAD, Pixel, is_image};
 pub use regions::{neighbors4, regions};
-pub use resample::refined;
+pub use resample::{refined, resample};
 pub use ros::{MapYaml, Mode};
 pub use samples::{MOST_CELLS, MOST_PIXELS};

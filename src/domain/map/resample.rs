@@ -18,7 +18,7 @@ use crate::domain::geometry::{Cell, Frame, Grid};
 ///
 /// # Errors
 /// [`MapImportError::TooManyPixels`] if the grid would have more than [`MOST_CELLS`] cells.
-pub(super) fn resample(
+pub fn resample(
     pixels: &Grid<Pixel>,
     frame: &Frame,
     resolution: f64,
