@@ -311,6 +311,38 @@ fn dense_mode_is_one_image_of_the_whole_map() {
     }
 }
 
+/// So does a map in blocks whose network sees further than the obstacle around the map reaches: it ends at the same place
+/// for all of them.
+#[test]
+fn the_rim_of_a_map_is_the_same_for_all_blocks() {
+    let form = Architecture { widths: vec![16; 5], convolutions: 1 };
+    let config = TrainConfig { network: form.clone(), ..config() };
+    let (tiles, compute) = (ranked(&tiles(32, 2), false), Compute::new(DeviceName::Flex, None).expect("everywhere"));
+    let mut trainer = Trainer::new(&tiles, &[], &config, &compute, 7).expect("in range");
+    epochs(&mut trainer, 3);
+    let network = Network::new(&form, Outputs::Ranks { density: false }, &trainer.state().model, &compute);
+    let network = network.expect("complete");
+    assert!(network.layers().sight() > 96);
+    let mut stream = Stream::new(9, &[0; 32], 0, "test/map");
+    // Two blocks: none is longer than 512 cells.
+    let (rows, cols) = (9, 530);
+    let free = Grid::from_fn(rows, cols, |_| stream.unit() > 0.2);
+    let map = OccupancyMap::new(free, Frame::at_zero(0.1, rows, cols)).expect("free");
+    let config = AnnotateConfig { mode: Mode::Dense { offsets: 1, augment: false }, ..AnnotateConfig::default() };
+    let annotation = annotate(&map, 32, &config, &network, &mut |_, _| ControlFlow::Continue(())).expect("in range");
+    // 32 cells of obstacle, then up to a multiple of 32 that leaves room for every offset.
+    let (height, width) = (128, 640);
+    let image: Vec<u8> = (0..height * width)
+        .map(|i| u8::from(map.is_free((i / width) as isize - 32, (i % width) as isize - 32)))
+        .collect();
+    let mut out = vec![0.0; height * width];
+    network.predict(&image, height, width, 1, &mut out);
+    for cell in map.free().cells().filter(|cell: &Cell| map.free()[*cell]) {
+        let expected = out[(cell.row + 32) * width + cell.col + 32];
+        assert_eq!(annotation.heat[cell].to_bits(), expected.to_bits(), "{cell:?}");
+    }
+}
+
 /// Where only the central cells of windows count, the passes over the whole map give what the windows would, to the bit.
 #[test]
 fn central_cells_do_not_need_their_windows() {

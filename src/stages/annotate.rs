@@ -24,7 +24,7 @@ impl Annotate {
     /// What is the same for every use.
     pub const SPEC: StageSpec = StageSpec {
         name: "annotate",
-        version: 2,
+        version: 3,
         ports: &[
             Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to annotate." },
             Port { name: "model", kind: "Checkpoint", arity: Arity::One, doc: "The trained network." },

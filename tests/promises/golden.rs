@@ -274,12 +274,12 @@ fn the_network_changes_only_with_a_version() {
         "tile 2 f7ecd279746ee9cb",
         "train 2 beaae3b26d8d0569",
         "train 2 b4052ee2092d589d",
-        "annotate 2 5d2828a1fa7394cf",
-        "annotate 2 3d87d6d9d150bbe2",
+        "annotate 3 5d2828a1fa7394cf",
+        "annotate 3 3d87d6d9d150bbe2",
         "tile 2 41ff6fd26f5367cb",
         "train 2 f4bbd6ae2bfebddc",
         "train 2 8c995bf59d21fbed",
-        "annotate 2 8f902f4fcc345c8d",
+        "annotate 3 f6c5c855718ae113",
     ];
     assert_eq!(found, expected, "{}: raise VERSION of the stage, then update this digest", told.stderr);
 }

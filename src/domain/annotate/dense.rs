@@ -10,6 +10,9 @@ use crate::domain::geometry::Grid;
 /// Edge of a block in cells at least; it bounds the memory that a large map takes.
 const BLOCK: usize = 384;
 
+/// Cells of obstacle that surround the map at least; beyond them there is nothing, which to a network is nearly the same.
+const RIM: usize = 32;
+
 /// Images that are predicted at once.
 const BATCH: usize = 8;
 
@@ -104,10 +107,18 @@ fn blocks(length: usize, most: usize, period: usize) -> Vec<Range<usize>> {
     (0..length).step_by(step.max(1)).map(|start| start..(start + step).min(length)).collect()
 }
 
+/// Returns which rows (or columns) a block is shown with: a margin to both sides, but no more of the rim than there is.
+///
+/// All begin and end at multiples of the period, less the offset of a pass, so that the rim ends at the same place for all.
+fn shown(block: &Range<usize>, length: usize, margin: usize, rim: usize) -> Range<isize> {
+    let top = block.start as isize - margin as isize;
+    top.max(-(rim as isize))..((block.end + margin).min(length + rim)) as isize
+}
+
 /// Computes the mean outputs of every cell, shape [rows, cols, outputs], over the passes that count for it.
 ///
-/// The map lies in endless obstacle. Blocks of it are predicted with a margin that is wider than the network can see,
-/// so the result does not depend on the blocks.
+/// The map lies in obstacle. Blocks of it are predicted with a margin that is wider than the network can see, or all the
+/// obstacle there is, so the result does not depend on the blocks.
 pub(super) fn means(
     free: &Grid<bool>,
     passes: &Passes,
@@ -118,6 +129,7 @@ pub(super) fn means(
     let period = predict.period();
     // Cells around a block that are shown to the network besides: all that it can see from any cell.
     let margin = predict.sight().next_multiple_of(period);
+    let rim = RIM.min(margin).next_multiple_of(period);
     // So that margins never are most of the work.
     let most = BLOCK.max(4 * margin);
     let (bands, bars) = (blocks(free.rows(), most, period), blocks(free.cols(), most, period));
@@ -126,16 +138,16 @@ pub(super) fn means(
     let mut means = vec![0.0; free.len() * width];
     let (mut images, mut predicted) = (Vec::new(), Vec::new());
     for (band, bar) in bands.iter().flat_map(|band| bars.iter().map(move |bar| (band, bar))) {
-        let edge = |length: usize| (length + period - 1 + 2 * margin).next_multiple_of(period);
-        let (rows, cols) = (edge(band.len()), edge(bar.len()));
+        let (high, wide) = (shown(band, free.rows(), margin, rim), shown(bar, free.cols(), margin, rim));
+        let edge = |shown: &Range<isize>| ((shown.end - shown.start) as usize + period - 1).next_multiple_of(period);
+        let (rows, cols) = (edge(&high), edge(&wide));
         let mut sums = vec![0.0f64; band.len() * bar.len() * width];
         for batch in passes.passes.chunk_by(|a, b| a.transposed == b.transposed).flat_map(|alike| alike.chunks(BATCH)) {
             images.resize(batch.len() * rows * cols, 0u8);
             predicted.resize(images.len() * width, 0.0f32);
             images.par_chunks_exact_mut(rows * cols).zip(batch).for_each(|(image, pass)| {
                 // The image begins `down` rows and `right` columns before the margin does.
-                let top = band.start as isize - (margin + pass.offset.0) as isize;
-                let left = bar.start as isize - (margin + pass.offset.1) as isize;
+                let (top, left) = (high.start - pass.offset.0 as isize, wide.start - pass.offset.1 as isize);
                 for (row, col) in (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col))) {
                     let cell = free.get(top + row as isize, left + col as isize);
                     image[pass.pixel(row, col, rows, cols)] = u8::from(cell == Some(&true));
@@ -143,12 +155,14 @@ pub(super) fn means(
             });
             let [height, length] = batch[0].shape(rows, cols);
             predict.images(&images, height, length, batch.len(), &mut predicted);
+            let above = (band.start as isize - high.start) as usize;
+            let before = (bar.start as isize - wide.start) as usize;
             sums.par_chunks_exact_mut(bar.len() * width).enumerate().for_each(|(row, sums)| {
                 for (image, pass) in predicted.chunks_exact(rows * cols * width).zip(batch) {
                     let (down, right) = pass.offset;
                     for col in passes.cols(band.start + row, bar.clone(), pass.offset) {
                         let at = col - bar.start;
-                        let pixel = pass.pixel(margin + down + row, margin + right + at, rows, cols);
+                        let pixel = pass.pixel(above + down + row, before + right + at, rows, cols);
                         let values = &image[pixel * width..][..width];
                         for (sum, value) in sums[at * width..][..width].iter_mut().zip(values) {
                             *sum += f64::from(*value);
