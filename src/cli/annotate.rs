@@ -8,7 +8,7 @@ use std::process::ExitCode;
 use super::error::CliError;
 use super::model_files;
 use super::screen::Screen;
-use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
+use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Mode, Normalize};
 use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Survey};
 use crate::kinds::{Checkpoint, Model, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
@@ -24,6 +24,9 @@ use crate::store::write_whole;
 const HEAT: &str = "heat.parquet";
 const MAP: &str = "map.parquet";
 const PICTURE: &str = "heat.png";
+
+/// Offsets that are averaged where a model says ranks and nothing else is asked for: one in each rotation and mirroring.
+const RANKS_OFFSETS: u32 = 8;
 
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
@@ -53,7 +56,8 @@ pub struct Args {
     /// Distance between neighboring windows in cells, for exact mode [default: 4].
     #[arg(long)]
     stride: Option<u32>,
-    /// How many of the offsets modulo the network's period are averaged, for dense mode, 1 to 64 [default: 64].
+    /// How many of the offsets modulo the network's period are averaged, for dense mode, 1 to 64 [default: 64; 8 if the model
+    /// says ranks].
     #[arg(long)]
     offsets: Option<u32>,
     /// Whether each offset sees the map in another rotation or mirroring, for dense mode [default: true].
@@ -120,10 +124,13 @@ enum ModeName {
 
 impl Args {
     pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        let config = self.config()?;
+        let mut config = self.config()?;
         let import = self.importer()?;
         self.check_outputs(&import)?;
         let model = self.model.as_deref().map_or_else(|| Ok(Model::shipped()), model_files::read)?;
+        if let (Mode::Dense { offsets, .. }, None, None) = (&mut config.mode, self.offsets, model.config.counts()) {
+            *offsets = RANKS_OFFSETS;
+        }
         let name = import.origin().map_name();
         screen.remark(format!("annotating {}", import.origin().path().display()));
         let mut bar = WorkBar::new("annotate", screen.color());
