@@ -32,9 +32,9 @@
 //! `tests/architecture.rs` holds the sources against this table.
 //!
 //! Beside the domain's rooms for maps, crowds and the network stand `random` (named streams of random numbers), `tracks`
-//! (positions frame by frame) and `rank` (what a heat is), which several of them share. In the pipeline, `graph` expands
-//! nodes into chunks and steps and `ledger` knows what is on record; plan and execution are two readers of the same ledger,
-//! so that they cannot disagree.
+//! (positions frame by frame), `links` (steps over a grid) and `rank` (what a heat is), which several of them share. In the
+//! pipeline, `graph` expands nodes into chunks and steps and `ledger` knows what is on record; plan and execution are two
+//! readers of the same ledger, so that they cannot disagree.
 //!
 //! # Invariants
 //!

@@ -5,6 +5,7 @@ pub mod baselines;
 pub mod crowd;
 pub mod geometry;
 pub mod homes;
+pub mod links;
 pub mod map;
 pub mod orca;
 pub mod quantize;

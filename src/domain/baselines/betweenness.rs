@@ -7,9 +7,10 @@ use serde::{Deserialize, Serialize};
 
 use super::Watch;
 use super::error::{BaselineError, check_range};
-use super::paths::{Links, STRAIGHT, Search};
+use super::paths::Search;
 use super::swept::swept;
 use crate::domain::geometry::{Grid, Meters};
+use crate::domain::links::{LENGTHS, Links};
 use crate::domain::map::OccupancyMap;
 use crate::domain::random::Stream;
 
@@ -118,7 +119,7 @@ pub fn criticality(
     let radius = config.radius.get();
     let open = map.eroded(radius);
     let sources = draw_sources(&open, config.sources(map), stream);
-    let limit = (config.reach.get() / map.resolution() * f64::from(STRAIGHT)) as u32;
+    let limit = (config.reach.get() / map.resolution() * f64::from(LENGTHS[0])) as u32;
     let passages = passages(&open, &sources, limit, &|passages, paths| passages / paths as f64, watch)?;
     Some(swept(&passages, map.free(), radius / map.resolution()))
 }

@@ -3,45 +3,10 @@
 //! Cells are joined to their eight neighbors, corners not cut. Where several paths are shortest, each counts alike: on open
 //! floor most of them run near the straight line.
 
-use crate::domain::geometry::{Cell, Grid};
+use crate::domain::links::{LENGTHS, Links, length_of};
 
-/// Cost of a step to a side and to a corner: 99 / 70 is √2 to within 0.01 %.
-pub(super) const STRAIGHT: u32 = 70;
-const DIAGONAL: u32 = 99;
 /// Ring of buckets: more than the cost of one step.
 const BUCKETS: usize = 128;
-
-/// Rows and columns to the eight neighbors, sides first.
-const STEPS: [(isize, isize); 8] = [(-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
-
-/// Which of the eight neighbors can be reached from each cell: one bit each, in the order of [`STEPS`].
-pub(super) struct Links {
-    bits: Vec<u8>,
-    cols: usize,
-}
-
-impl Links {
-    pub fn new(open: &Grid<bool>) -> Self {
-        let links = |cell: Cell| {
-            let is_open = |row, col| open.get(cell.row as isize + row, cell.col as isize + col) == Some(&true);
-            let leads = |(row, col): &(isize, isize)| is_open(*row, *col) && is_open(*row, 0) && is_open(0, *col);
-            let bits = STEPS.iter().enumerate().filter(|(_, step)| leads(step)).map(|(bit, _)| 1 << bit);
-            if open[cell] { bits.sum() } else { 0 }
-        };
-        Self { bits: open.cells().map(links).collect(), cols: open.cols() }
-    }
-
-    /// Returns the linked neighbors of a cell with the costs of the steps there.
-    fn neighbors(&self, index: usize) -> impl Iterator<Item = (usize, u32)> {
-        let (mut bits, cols) = (self.bits[index], self.cols as isize);
-        std::iter::from_fn(move || {
-            let bit = (bits != 0).then(|| bits.trailing_zeros() as usize)?;
-            bits &= bits - 1;
-            let (row, col) = STEPS[bit];
-            Some(((index as isize + row * cols + col) as usize, if bit < 4 { STRAIGHT } else { DIAGONAL }))
-        })
-    }
-}
 
 /// A number of paths, which soon passes what floats hold: `value` · 2^(512 · `scale`).
 #[derive(Debug, Clone, Copy, Default)]
@@ -93,7 +58,7 @@ pub(super) struct Search<'l> {
 
 impl<'l> Search<'l> {
     pub fn new(links: &'l Links) -> Self {
-        let cells = links.bits.len();
+        let cells = links.len();
         Self {
             links,
             cost: vec![u32::MAX; cells],
@@ -102,6 +67,11 @@ impl<'l> Search<'l> {
             reached: Vec::new(),
             buckets: vec![Vec::new(); BUCKETS],
         }
+    }
+
+    /// Returns the linked neighbors of a cell with the costs of the steps there.
+    fn neighbors(&self, index: usize) -> impl Iterator<Item = (usize, u32)> + use<'l> {
+        self.links.neighbors_of(index).map(|(step, next)| (next, LENGTHS[length_of(step)]))
     }
 
     /// Follows the shortest paths from `source` to each cell within `limit`; `each` hears of every cell but the source how
@@ -113,7 +83,7 @@ impl<'l> Search<'l> {
         for at in (1..self.reached.len()).rev() {
             let index = self.reached[at] as usize;
             let (passages, count) = (self.passages[index], self.count[index]);
-            for (before, step) in self.links.neighbors(index) {
+            for (before, step) in self.neighbors(index) {
                 if self.cost[before].checked_add(step) == Some(self.cost[index]) {
                     self.passages[before] += passages * self.count[before].share_of(count);
                 }
@@ -137,7 +107,7 @@ impl<'l> Search<'l> {
                     continue;
                 }
                 self.reached.push(index);
-                for (next, step) in self.links.neighbors(index as usize) {
+                for (next, step) in self.neighbors(index as usize) {
                     let there = cost + step;
                     if there < self.cost[next] && there <= limit {
                         self.cost[next] = there;
@@ -154,7 +124,7 @@ impl<'l> Search<'l> {
         for (at, index) in self.reached.iter().enumerate() {
             let index = *index as usize;
             let mut count = if at == 0 { Count::ONE } else { Count::default() };
-            for (before, step) in self.links.neighbors(index) {
+            for (before, step) in self.neighbors(index) {
                 if self.cost[before].checked_add(step) == Some(self.cost[index]) {
                     count.add(self.count[before]);
                 }
@@ -168,6 +138,7 @@ impl<'l> Search<'l> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::domain::geometry::Grid;
 
     /// Passages of the paths from the `S` of a plan.
     fn passages(plan: &[&str], limit: u32) -> Vec<(usize, f64)> {
@@ -190,7 +161,7 @@ mod tests {
     #[test]
     fn along_a_corridor_all_paths_pass_what_is_near() {
         assert_eq!(passages(&["S...#."], u32::MAX), [(1, 3.0), (2, 2.0), (3, 1.0)]);
-        assert_eq!(passages(&["S...#."], 2 * STRAIGHT), [(1, 2.0), (2, 1.0)]);
+        assert_eq!(passages(&["S...#."], 2 * LENGTHS[0]), [(1, 2.0), (2, 1.0)]);
     }
 
     #[test]

@@ -1,11 +1,12 @@
 //! Ways over the open cells, straightened.
 
 use crate::domain::geometry::{Cell, Point};
+use crate::domain::links::Links;
 use crate::domain::random::Stream;
 
 use super::config::CrowdConfig;
 use super::costs::{Costs, Taste};
-use super::search::{Length, Links, Search, Toll};
+use super::search::{Length, Search, Toll};
 use super::space::FreeSpace;
 
 /// A line may be this much dearer than the way that it shortens, as a share: costs along lines are sums over points.

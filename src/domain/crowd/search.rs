@@ -1,9 +1,7 @@
 //! Cheapest ways over the open cells of a grid: A\* with buckets, in whole numbers.
 
-use crate::domain::geometry::{Cell, Grid};
-
-/// Rows and columns to the eight neighbors, sides first.
-const STEPS: [(isize, isize); 8] = [(-1, 0), (0, -1), (0, 1), (1, 0), (-1, -1), (-1, 1), (1, -1), (1, 1)];
+use crate::domain::geometry::Cell;
+use crate::domain::links::{self, Links};
 
 /// What steps cost: the length of the step times the cost of the cell that it leads onto.
 pub trait Toll {
@@ -30,8 +28,7 @@ pub trait Toll {
 pub struct Length;
 
 impl Toll for Length {
-    /// 99 / 70 is √2 to within 0.01 %.
-    const LENGTHS: [u32; 2] = [70, 99];
+    const LENGTHS: [u32; 2] = links::LENGTHS;
 
     fn cost(&self, _: Cell) -> u16 {
         1
@@ -39,47 +36,6 @@ impl Toll for Length {
 
     fn bounds(&self) -> [u16; 2] {
         [1, 1]
-    }
-}
-
-/// Which of the eight neighbors can be reached from each cell, corners not cut: one bit each, in the order of `STEPS`.
-#[derive(Debug, Clone)]
-pub struct Links(Grid<u8>);
-
-impl Links {
-    /// Links the open cells of a map.
-    #[must_use]
-    pub fn new(open: &Grid<bool>) -> Self {
-        Self(Grid::from_fn(open.rows(), open.cols(), |cell| {
-            let is_open = |row, col| open.get(cell.row as isize + row, cell.col as isize + col) == Some(&true);
-            let mut bits = 0;
-            for (bit, (row, col)) in STEPS.into_iter().enumerate() {
-                if open[cell] && is_open(row, col) && is_open(row, 0) && is_open(0, col) {
-                    bits |= 1 << bit;
-                }
-            }
-            bits
-        }))
-    }
-
-    /// Returns the number of cells.
-    #[must_use]
-    pub const fn len(&self) -> usize {
-        self.0.len()
-    }
-
-    /// Returns the linked neighbors of a cell, each with the number of the step there.
-    fn neighbors(&self, cell: Cell) -> impl Iterator<Item = (usize, Cell)> {
-        let mut bits = self.0[cell];
-        std::iter::from_fn(move || {
-            if bits == 0 {
-                return None;
-            }
-            let step = bits.trailing_zeros() as usize;
-            bits &= bits - 1;
-            let (row, col) = STEPS[step];
-            Some((step, Cell::new(cell.row.wrapping_add_signed(row), cell.col.wrapping_add_signed(col))))
-        })
     }
 }
 
@@ -91,7 +47,7 @@ struct Reached {
     /// Cost of the way so far, and of the cell.
     total: u32,
     cost: u16,
-    /// Step of `STEPS` that led here.
+    /// Number of the step that led here.
     step: u8,
     settled: bool,
 }
@@ -152,7 +108,7 @@ impl Search {
     /// Finds a cheapest way to a cell that is a goal and returns that cell, or `None` if there is none.
     ///
     /// A\* with buckets: `estimate` is a consistent lower bound of the cost that is left (0 searches evenly in all
-    /// directions), `enter` refuses cells. Ties are broken by the order of `STEPS`, so the answer is always the same.
+    /// directions), `enter` refuses cells. Ties are broken by the order of the steps, so the answer is always the same.
     pub fn run<T: Toll>(
         &mut self,
         links: &Links,
@@ -166,10 +122,10 @@ impl Search {
         // The cost of an entry, its estimate included, is at most two steps above the current one.
         let ring = (2 * (T::LENGTHS[1] * u32::from(toll.bounds()[1])) as usize + 1).next_power_of_two();
         self.buckets.reset(ring);
-        let (number, cols) = (self.number, links.0.cols());
-        self.reached[links.0.index_of(start)] = Reached { search: number, ..Reached::default() };
+        let (number, cols) = (self.number, links.cols());
+        self.reached[links.index_of(start)] = Reached { search: number, ..Reached::default() };
         let mut now = estimate(start) as usize;
-        self.buckets.push(now, links.0.index_of(start));
+        self.buckets.push(now, links.index_of(start));
         let mut empty = 0;
         while empty < ring {
             let Some(index) = self.buckets.pop(now) else {
@@ -194,7 +150,7 @@ impl Search {
                     continue;
                 }
                 let cost = if is_known { known.cost } else { toll.cost(next) };
-                let total = total + T::LENGTHS[usize::from(step >= 4)] * u32::from(cost);
+                let total = total + T::LENGTHS[links::length_of(step)] * u32::from(cost);
                 if is_known && known.total <= total || !enter(next) {
                     continue;
                 }
@@ -211,8 +167,7 @@ impl Search {
         let mut cells = vec![end];
         let mut at = end;
         while at != start {
-            let (row, col) = STEPS[usize::from(self.reached[links.0.index_of(at)].step)];
-            at = Cell::new(at.row.wrapping_add_signed(-row), at.col.wrapping_add_signed(-col));
+            at = links::before(at, usize::from(self.reached[links.index_of(at)].step));
             cells.push(at);
         }
         cells
@@ -221,6 +176,6 @@ impl Search {
     /// Returns the cost of the way to a cell that the last search settled.
     #[cfg(test)]
     pub fn cost_of(&self, links: &Links, cell: Cell) -> u32 {
-        self.reached[links.0.index_of(cell)].total
+        self.reached[links.index_of(cell)].total
     }
 }
