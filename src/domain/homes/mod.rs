@@ -81,28 +81,31 @@ pub enum HomeError {
     Kind { kind: &'static str, low: f64, high: f64, range: [f64; 2] },
 }
 
+impl HomeError {
+    /// Checks that all values of a field are in its range.
+    fn within(field: &'static str, values: &[f64], low: f64, high: f64) -> Result<(), Self> {
+        match values.iter().find(|value| !(low..=high).contains(*value)) {
+            Some(value) => Err(Self::Range { field, value: *value, low, high }),
+            None => Ok(()),
+        }
+    }
+}
+
 impl HomeConfig {
     /// Checks every number against its range.
     ///
     /// # Errors
     /// [`HomeError`] names the first field that is out of range.
     pub fn check(&self) -> Result<(), HomeError> {
-        let within = |field, values: &[f64], low: f64, high: f64| match values
-            .iter()
-            .find(|value| !(low..=high).contains(*value))
-        {
-            Some(value) => Err(HomeError::Range { field, value: *value, low, high }),
-            None => Ok(()),
-        };
         let (least, most) = match self.kind {
             HomeKind::Home => (50.0, 250.0),
             HomeKind::Office => (150.0, 1000.0),
         };
-        within("area", &self.areas(), least, most)?;
-        within("door_width", &self.door_width, 0.8, 1.2)?;
-        within("furniture", &[self.furniture], 0.0, 1.0)?;
-        within("tilted", &[self.tilted], 0.0, 1.0)?;
-        within("resolution", &[self.resolution], 0.02, 0.1)?;
+        HomeError::within("area", &self.areas(), least, most)?;
+        HomeError::within("door_width", &self.door_width, 0.8, 1.2)?;
+        HomeError::within("furniture", &[self.furniture], 0.0, 1.0)?;
+        HomeError::within("tilted", &[self.tilted], 0.0, 1.0)?;
+        HomeError::within("resolution", &[self.resolution], 0.02, 0.1)?;
         let [low, high] = self.areas();
         if high < 1.1 * low - 1e-9 {
             let more = " divided by 1.1: rooms come in whole pieces";

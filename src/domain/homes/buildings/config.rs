@@ -106,20 +106,13 @@ impl BuildingConfig {
     /// # Errors
     /// [`HomeError`] names the first field that is out of range.
     pub fn check(&self) -> Result<(), HomeError> {
-        let within = |field, values: &[f64], low: f64, high: f64| match values
-            .iter()
-            .find(|value| !(low..=high).contains(*value))
-        {
-            Some(value) => Err(HomeError::Range { field, value: *value, low, high }),
-            None => Ok(()),
-        };
-        within("area", &self.area, 50.0, 3000.0)?;
-        within("furniture", &[self.furniture], 0.0, 1.0)?;
-        within("circuits", &[self.circuits], 0.0, 1.0)?;
-        within("turned", &[self.turned], 0.0, 1.0)?;
-        within("scale", &self.scale, 0.8, 1.25)?;
-        within("scan", &[self.scan], 0.0, 1.0)?;
-        within("resolution", &[self.resolution], 0.02, 0.1)?;
+        HomeError::within("area", &self.area, 50.0, 3000.0)?;
+        HomeError::within("furniture", &[self.furniture], 0.0, 1.0)?;
+        HomeError::within("circuits", &[self.circuits], 0.0, 1.0)?;
+        HomeError::within("turned", &[self.turned], 0.0, 1.0)?;
+        HomeError::within("scale", &self.scale, 0.8, 1.25)?;
+        HomeError::within("scan", &[self.scan], 0.0, 1.0)?;
+        HomeError::within("resolution", &[self.resolution], 0.02, 0.1)?;
         for (field, range) in [("area", self.area), ("scale", self.scale)] {
             if range[1] < range[0] {
                 return Err(HomeError::Order { field, range, more: "" });
