@@ -9,7 +9,7 @@ use arrow::array::{ArrayRef, BooleanArray, Float32Array, Int8Array};
 use arrow::datatypes::{DataType, Float32Type, Int8Type};
 
 use super::labels::{check_classes, class_count};
-use super::parquet::{Coding, Column, Table, wrong_value};
+use super::parquet::{Coding, Column, wrong_value};
 use super::raster::{self, Raster};
 use super::{KindError, Placed, SingleFile};
 use crate::domain::geometry::Grid;
@@ -88,7 +88,7 @@ impl SingleFile for Placed<Heat> {
             raster = with_floats(raster, "density".to_owned(), density);
         }
         for (direction, share) in heat.flow.iter().flatten().enumerate() {
-            raster = with_floats(raster, flow_column(direction), share);
+            raster = with_floats(raster, raster::flow_column(direction), share);
         }
         if let Some(part) = &heat.classes {
             let classes = Int8Array::from(part.classes.as_slice().to_vec());
@@ -119,7 +119,7 @@ impl SingleFile for Placed<Heat> {
             None => Grid::from_vec(frame.rows, frame.cols, table.flags("free")?),
         };
         let density = table.has("density").then(|| floats("density")).transpose()?;
-        let heat = Heat { free, heat: floats("heat")?, density, flow: flow(&table, floats)?, classes };
+        let heat = Heat { free, heat: floats("heat")?, density, flow: raster::flow(&table, floats)?, classes };
         check(&heat)?;
         Ok(Self::new(frame, heat))
     }
@@ -128,22 +128,6 @@ impl SingleFile for Placed<Heat> {
 fn with_floats(raster: Raster, name: String, grid: &Grid<f32>) -> Raster {
     let values: ArrayRef = Arc::new(Float32Array::from(grid.as_slice().to_vec()));
     raster.with(Column::new(name, DataType::Float32).coding(Coding::Split), values)
-}
-
-fn flow_column(direction: usize) -> String {
-    format!("flow_{direction}")
-}
-
-type Flow = [Grid<f32>; DIRECTIONS];
-
-/// Reads the flow; if one direction is there, all must be.
-fn flow(table: &Table, floats: impl Fn(&str) -> Result<Grid<f32>, KindError>) -> Result<Option<Flow>, KindError> {
-    if !(0..DIRECTIONS).any(|direction| table.has(&flow_column(direction))) {
-        return Ok(None);
-    }
-    let shares: Vec<Grid<f32>> =
-        (0..DIRECTIONS).map(|direction| floats(&flow_column(direction))).collect::<Result<_, _>>()?;
-    Ok(Some(shares.try_into().expect("one grid a direction")))
 }
 
 fn check(heat: &Heat) -> Result<(), KindError> {
@@ -166,7 +150,7 @@ fn check(heat: &Heat) -> Result<(), KindError> {
         check_values("density", density, "a finite number from 0", is_sound)?;
     }
     for (direction, share) in heat.flow.iter().flatten().enumerate() {
-        shares(&flow_column(direction), share)?;
+        shares(&raster::flow_column(direction), share)?;
     }
     let probabilities = heat.classes.iter().flat_map(|part| &part.probabilities);
     probabilities.enumerate().try_for_each(|(class, grid)| shares(&format!("p{class}"), grid))

@@ -9,7 +9,8 @@ use arrow::datatypes::{DataType, UInt32Type};
 
 use super::KindError;
 use super::parquet::{Column, Layout, Table};
-use crate::domain::geometry::{Cell, Frame, Point};
+use crate::domain::geometry::{Cell, Frame, Grid, Point};
+use crate::domain::raster::DIRECTIONS;
 
 /// A raster's own columns, after `row`, `col`, `x` and `y`.
 pub struct Raster {
@@ -95,4 +96,25 @@ pub fn open(kind: &'static str, format: u32, bytes: Vec<u8>) -> Result<(Table, F
         }
     }
     Ok((table, frame))
+}
+
+/// Names the column of a direction of flow.
+pub fn flow_column(direction: usize) -> String {
+    format!("flow_{direction}")
+}
+
+/// Reads the columns of flow by `grid`, which reads one; if one direction is there, all must be.
+///
+/// # Errors
+/// As `grid`.
+pub fn flow<T: std::fmt::Debug>(
+    table: &Table,
+    grid: impl Fn(&str) -> Result<Grid<T>, KindError>,
+) -> Result<Option<[Grid<T>; DIRECTIONS]>, KindError> {
+    if !(0..DIRECTIONS).any(|direction| table.has(&flow_column(direction))) {
+        return Ok(None);
+    }
+    let grids: Vec<Grid<T>> =
+        (0..DIRECTIONS).map(|direction| grid(&flow_column(direction))).collect::<Result<_, _>>()?;
+    Ok(Some(grids.try_into().expect("one grid a direction")))
 }

@@ -12,7 +12,7 @@ use super::parquet::Column;
 use super::raster::{self, Raster};
 use super::{KindError, Placed, SingleFile};
 use crate::domain::geometry::Grid;
-use crate::domain::raster::{DIRECTIONS, VisitCounts};
+use crate::domain::raster::VisitCounts;
 
 impl SingleFile for Placed<VisitCounts> {
     const NAME: &'static str = "VisitCounts";
@@ -25,7 +25,7 @@ impl SingleFile for Placed<VisitCounts> {
         raster.layout = raster.layout.with("paths", self.value.paths);
         if let Some(flow) = &self.value.flow {
             for (direction, passages) in flow.iter().enumerate() {
-                raster = raster.with(Column::new(name(direction), DataType::UInt32), numbers(passages));
+                raster = raster.with(Column::new(raster::flow_column(direction), DataType::UInt32), numbers(passages));
             }
         }
         raster.to_bytes()
@@ -38,17 +38,7 @@ impl SingleFile for Placed<VisitCounts> {
             Ok(Grid::from_vec(frame.rows, frame.cols, table.numbers::<UInt32Type>(name)?))
         };
         let (counts, paths) = (numbers("visits")?, table.parsed("paths", "a number of paths")?);
-        // If one direction is there, all must be.
-        let flow = if (0..DIRECTIONS).any(|direction| table.has(&name(direction))) {
-            let passages = (0..DIRECTIONS).map(|direction| numbers(&name(direction))).collect::<Result<Vec<_>, _>>()?;
-            Some(passages.try_into().expect("as many as there are directions"))
-        } else {
-            None
-        };
+        let flow = raster::flow(&table, numbers)?;
         Ok(Self::new(frame, VisitCounts { counts, paths, flow }))
     }
-}
-
-fn name(direction: usize) -> String {
-    format!("flow_{direction}")
 }
