@@ -32,14 +32,14 @@ pub(super) fn watch<'a>(context: &'a Context<'a>, all: u64) -> impl Fn() -> bool
     }
 }
 
-/// Writes values of the cells as a heat: their ranks, and their density if they count people.
-pub(super) fn write_heat(
+/// Writes values of the cells as a heat: their ranks, and the density of what counts people, if something does.
+pub(super) fn write_heat<T: Copy + Into<f64>>(
     context: &Context,
     map: &OccupancyMap,
-    values: &Grid<f64>,
-    count_people: bool,
+    values: &Grid<T>,
+    people: Option<&Grid<T>>,
 ) -> Result<Output, StageError> {
-    let density = if count_people { relative_to_mean(values, map.free()) } else { None };
+    let density = people.and_then(|people| relative_to_mean(people, map.free()));
     let heat = Heat { density, ..Heat::new(map.free().clone(), share_below(values, map.free())) };
     write(context, &Placed::new(*map.frame(), heat))
 }

@@ -47,6 +47,6 @@ impl Stage for Betweenness {
         let mut stream = Stream::new(context.seed, digest.as_bytes(), 0, "betweenness");
         let watch = baseline::watch(context, self.0.sources.into());
         let found = betweenness(&map, &self.0, &mut stream, &watch).ok_or(StageError::Cancelled)?;
-        baseline::write_heat(context, &map, &found, true)
+        baseline::write_heat(context, &map, &found, Some(&found))
     }
 }

@@ -48,6 +48,6 @@ impl Stage for Criticality {
         let watch = baseline::watch(context, self.0.sources(&map) as u64);
         let found = criticality(&map, &self.0, &mut stream, &watch).ok_or(StageError::Cancelled)?;
         // It tells how much a place matters to what is near, not how many people come.
-        baseline::write_heat(context, &map, &found, false)
+        baseline::write_heat(context, &map, &found, None)
     }
 }

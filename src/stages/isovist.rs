@@ -47,6 +47,6 @@ impl Stage for Isovist {
         let stream = |number| Stream::new(context.seed, digest.as_bytes(), number, "isovist");
         let watch = baseline::watch(context, self.0.agents(&map) as u64);
         let found = isovist(&map, &self.0, &stream, &watch).ok_or(StageError::Cancelled)?;
-        baseline::write_heat(context, &map, &found, true)
+        baseline::write_heat(context, &map, &found, Some(&found))
     }
 }

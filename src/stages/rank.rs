@@ -4,9 +4,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Definition, baseline, kind, read, write};
+use super::{Definition, baseline, kind, read};
 use crate::domain::geometry::Grid;
-use crate::domain::rank::{relative_to_mean, share_below};
 use crate::domain::raster::VisitCounts;
 use crate::kinds::{Heat, Placed};
 use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Part, Port, Stage, StageError, StageSpec};
@@ -61,8 +60,6 @@ impl Stage for Rank {
         };
         let visits = counts("visits", inputs.one("visits"))?;
         let steps = inputs.maybe("steps").map(|steps| counts("steps", steps)).transpose()?;
-        let density = steps.and_then(|steps| relative_to_mean(&steps, map.free()));
-        let heat = Heat { density, ..Heat::new(map.free().clone(), share_below(&visits, map.free())) };
-        write(context, &Placed::new(*map.frame(), heat))
+        baseline::write_heat(context, &map, &visits, steps.as_ref())
     }
 }

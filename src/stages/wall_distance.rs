@@ -37,6 +37,6 @@ impl Stage for WallDistance {
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let (map, _) = baseline::map(inputs, context)?;
-        baseline::write_heat(context, &map, &wall_distance(&map), false)
+        baseline::write_heat(context, &map, &wall_distance(&map), None)
     }
 }
