@@ -55,7 +55,7 @@ impl Row<'_> {
 
 /// Shows the heats of a run side by side, if any of them was scored.
 pub(super) fn section(source: &Source<'_>) -> Markup {
-    let (rows, times) = (rows(source), Times::of(source));
+    let rows = rows(source);
     let scored = |map: &Scored<'_>| map.scores.as_ref().is_some_and(|scores| scores.floor.is_some());
     let any_scores = rows.iter().flat_map(|row| &row.maps).any(scored);
     let any_costs = rows.iter().flat_map(|row| &row.maps).any(|map| map.costs.is_some());
@@ -64,6 +64,7 @@ pub(super) fn section(source: &Source<'_>) -> Markup {
     if !any_scores && !any_costs {
         return html! {};
     }
+    let times = Times::of(source);
     html! {
         section id="lead" {
             h2 { "All predictions side by side" }
@@ -157,10 +158,18 @@ impl Times {
         let mut times = Self(BTreeMap::new());
         let run = source.lineage.run;
         times.add(run);
-        if run.nodes.iter().any(|node| node.outcome == Outcome::Hit) {
-            let others = source.store.runs().unwrap_or_default().into_iter().filter(|other| other.id != run.id);
-            let read = others.take(MOST_RUNS).filter_map(|other| source.store.run(&other.id).ok());
-            read.for_each(|other| times.add(&other));
+        let hits = run.nodes.iter().filter(|node| node.outcome == Outcome::Hit).filter_map(|node| node.key);
+        let mut missing: BTreeSet<Key> = hits.filter(|key| !times.0.contains_key(key)).collect();
+        let others = if missing.is_empty() { Vec::new() } else { source.store.runs().unwrap_or_default() };
+        for other in others.into_iter().filter(|other| other.id != run.id).take(MOST_RUNS) {
+            // The records of large runs take a while to read: no more of them than are needed.
+            if missing.is_empty() {
+                break;
+            }
+            if let Ok(other) = source.store.run(&other.id) {
+                times.add(&other);
+                missing.retain(|key| !times.0.contains_key(key));
+            }
         }
         times
     }
