@@ -1,13 +1,12 @@
 //! `annotate`: a map of your own, without a pipeline.
 
 use std::ops::ControlFlow;
-use std::os::unix::fs::MetadataExt;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
-use super::model_files;
 use super::screen::Screen;
+use super::{model_files, paths};
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Mode, Normalize};
 use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Survey};
 use crate::kinds::{Checkpoint, Model, Placed, SingleFile};
@@ -170,7 +169,7 @@ impl Args {
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
         inputs.extend(self.model.iter().flat_map(|model| Checkpoint::FILES.map(|name| model.join(name))));
         for output in [HEAT, MAP, PICTURE].map(|name| self.out.join(name)) {
-            let same = |input: &&PathBuf| same_file(input, &output);
+            let same = |input: &&PathBuf| paths::same_file(input, &output);
             if let Some(input) = inputs.iter().find(same) {
                 let what = format!("`{}` would overwrite its source `{}`", output.display(), input.display());
                 return Err(CliError::advised(what, "choose another folder with `--out`"));
@@ -214,10 +213,4 @@ fn said(survey: &Survey) -> String {
     let advice = if survey.is_odd() { "; `--region all` or `--region x,y` keeps other regions" } else { "" };
     let warning = if survey.is_odd() { "warning: " } else { "" };
     format!("{warning}{survey}{advice}")
-}
-
-/// Tells whether two paths lead to one file.
-fn same_file(a: &Path, b: &Path) -> bool {
-    let of = |path: &Path| std::fs::metadata(path).map(|metadata| (metadata.dev(), metadata.ino())).ok();
-    of(a).is_some_and(|a| of(b) == Some(a))
 }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
-use super::model_files;
 use super::screen::Screen;
+use super::{model_files, paths};
 use crate::store::write_whole;
 
 /// Arguments of `export`.
@@ -37,8 +37,7 @@ impl Args {
         std::fs::create_dir_all(out).map_err(|source| failed(out, source))?;
         for (name, bytes) in files {
             let path = out.join(name);
-            let from = std::fs::canonicalize(checkpoint.join(name)).ok();
-            if from.is_some() && from == std::fs::canonicalize(&path).ok() {
+            if paths::same_file(&checkpoint.join(name), &path) {
                 let what = format!("`{}` would overwrite its source", path.display());
                 return Err(CliError::advised(what, "choose another folder with `--out`"));
             }

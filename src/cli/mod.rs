@@ -14,6 +14,7 @@ mod init;
 mod keep;
 mod ls;
 mod model_files;
+mod paths;
 mod plan;
 mod report;
 mod request;
