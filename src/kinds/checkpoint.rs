@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 use super::parquet::{Column, Layout, Table, wrong_value};
 use super::{Kind, KindError, Written, named_file};
 use crate::domain::quantize::{ClassCounts, FEWEST_CLASSES, MOST_CLASSES, class_weights};
+use crate::domain::tiles::Target;
 use crate::domain::unet::{Architecture, Array, Arrays, EpochMetrics, Fit, Outputs, TrainState};
 use crate::store::{Artifact, Store};
 
@@ -61,6 +62,26 @@ pub enum Learned {
     },
 }
 
+impl Learned {
+    /// Returns what there was to learn of a target.
+    #[must_use]
+    pub fn of(target: &Target) -> Self {
+        match target {
+            Target::Classes { classes, labels } => Self::Classes(ClassCounts::of(*classes, labels)),
+            Target::Ranks { density, .. } => Self::Ranks { density: density.is_some() },
+        }
+    }
+
+    /// Returns the cells of each class over the training windows, if classes were learned.
+    #[must_use]
+    pub const fn counts(&self) -> Option<&ClassCounts> {
+        match self {
+            Self::Classes(counts) => Some(counts),
+            Self::Ranks { .. } => None,
+        }
+    }
+}
+
 impl CheckpointConfig {
     /// Returns what the numbers are that the network computes for a cell.
     #[must_use]
@@ -76,10 +97,7 @@ impl CheckpointConfig {
     /// Returns the cells of each class over the training windows, if classes were learned.
     #[must_use]
     pub const fn counts(&self) -> Option<&ClassCounts> {
-        match &self.learned {
-            Learned::Classes(counts) => Some(counts),
-            Learned::Ranks { .. } => None,
-        }
+        self.learned.counts()
     }
 }
 

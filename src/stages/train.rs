@@ -10,7 +10,7 @@ use serde_json::Value;
 use super::{Definition, compute, kind, read, write};
 use crate::domain::quantize::class_weights;
 use crate::domain::tiles::Tiles;
-use crate::domain::unet::{BatchReport, Outputs, TrainConfig, Trainer, UnetError};
+use crate::domain::unet::{BatchReport, TrainConfig, Trainer, UnetError};
 use crate::kinds::{Checkpoint, CheckpointConfig, Learned, outline};
 use crate::pipeline::stage::{
     Arity, Context, Division, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
@@ -88,8 +88,8 @@ impl Stage for Train {
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let (tiles, _): (Tiles, _) = read(context, inputs.one("tiles"))?;
-        let counts = tiles.target.class_counts();
-        let weights = counts.as_ref().map(class_weights).unwrap_or_default();
+        let learned = Learned::of(&tiles.target);
+        let weights = learned.counts().map(class_weights).unwrap_or_default();
         let compute = compute::open(self.0.device)?;
         let (mut trainer, mut metrics) = match &inputs.previous {
             None => {
@@ -117,11 +117,7 @@ impl Stage for Train {
             window: u32::try_from(tiles.size).expect("windows are small"),
             batch: self.0.batch,
             learning_rate: self.0.learning_rate,
-            learned: match (counts, Outputs::of(&tiles.target)) {
-                (Some(counts), _) => Learned::Classes(counts),
-                (None, Outputs::Ranks { density }) => Learned::Ranks { density },
-                (None, Outputs::Classes(_)) => unreachable!("classes can be counted"),
-            },
+            learned,
         };
         write(context, &Checkpoint { config, state: trainer.state(), metrics })
     }

@@ -61,26 +61,25 @@ impl Learner {
 
     /// Takes over the network of a checkpoint.
     pub(super) fn take_over(&mut self, model: &Arrays) -> Result<(), UnetError> {
-        let flat = self.layers.from_arrays(model, "")?;
-        let count = flat.len();
-        self.parameters = Tensor::from_data(TensorData::new(flat, [count]), self.compute.device());
+        self.parameters = self.read(model, "")?;
         Ok(())
+    }
+
+    fn read(&self, arrays: &Arrays, suffix: &str) -> Result<Tensor<1>, UnetError> {
+        let flat = self.layers.from_arrays(arrays, suffix)?;
+        let count = flat.len();
+        Ok(Tensor::from_data(TensorData::new(flat, [count]), self.compute.device()))
     }
 
     /// Takes over the network and the optimizer of a checkpoint.
     pub(super) fn restore(&mut self, model: &Arrays, optimizer: &Arrays) -> Result<(), UnetError> {
-        let tensor = |flat: Vec<f32>| {
-            let count = flat.len();
-            Tensor::<1>::from_data(TensorData::new(flat, [count]), self.compute.device())
-        };
         let steps = optimizer.get("step").ok_or_else(|| UnetError::MissingArray("step".to_owned()))?;
         let &[steps] = steps.values.as_slice() else {
             let found = steps.shape.clone();
             return Err(UnetError::ArrayShape { name: "step".to_owned(), expected: vec![1], found });
         };
-        let first = tensor(self.layers.from_arrays(optimizer, ".exp_avg")?);
-        let second = tensor(self.layers.from_arrays(optimizer, ".exp_avg_sq")?);
-        self.parameters = tensor(self.layers.from_arrays(model, "")?);
+        let (first, second) = (self.read(optimizer, ".exp_avg")?, self.read(optimizer, ".exp_avg_sq")?);
+        self.take_over(model)?;
         self.moments = (steps > 0.0).then(|| AdamState::new(AdaptiveMomentumState::new(steps as usize, first, second)));
         Ok(())
     }
@@ -151,7 +150,7 @@ impl Learner {
 
     fn tally_classes(&self, logits: &Tensor<4>, labels: &[i8]) -> Tally {
         let predicted = logits.clone().inner().argmax(1).into_data_as::<i32>().try_into_vec::<i32>().expect("integers");
-        let mut tally = Tally::new(self.outputs.count());
+        let mut tally = Tally::new(self.outputs.classes());
         for (label, predicted) in labels.iter().zip(predicted) {
             if let Ok(label) = usize::try_from(*label) {
                 tally.count(label, predicted as usize);

@@ -35,4 +35,13 @@ impl Outputs {
             Self::Ranks { density } => 1 + density as usize,
         }
     }
+
+    /// Returns how many classes there are, the obstacle among them; none if ranks are said.
+    #[must_use]
+    pub const fn classes(self) -> usize {
+        match self {
+            Self::Classes(_) => self.count(),
+            Self::Ranks { .. } => 0,
+        }
+    }
 }

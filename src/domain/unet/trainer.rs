@@ -208,7 +208,7 @@ impl<'a> Trainer<'a> {
             return Err(UnetError::NoSamples);
         }
         let outputs = Outputs::of(&tiles.target);
-        let expected = if let Outputs::Classes(_) = outputs { outputs.count() } else { 0 };
+        let expected = outputs.classes();
         if weights.len() != expected {
             return Err(UnetError::ClassWeights { expected, found: weights.len() });
         }
@@ -281,7 +281,7 @@ impl<'a> Trainer<'a> {
         let order = Order::new(tiles.samples(), self.seed, epoch);
         let mut batches = order.batches(config.batch as usize);
         let count = batches.len();
-        let mut tally = Tally::new(self.outputs.count());
+        let mut tally = Tally::new(self.outputs.classes());
         let mut loss_sum = 0.0;
         let [current, next] = &mut self.buffers;
         current.fill(tiles, batches.next().expect("there are tiles"));

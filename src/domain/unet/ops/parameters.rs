@@ -266,8 +266,7 @@ impl Gradients {
             head: place(layers.head().inputs * padded(layers)),
             head_bias: place(padded(layers)),
         };
-        let classes = if let Outputs::Classes(_) = outputs { outputs.count() } else { 0 };
-        let outcome = Outcome { loss: 0.0, tally: Tally::new(classes) };
+        let outcome = Outcome { loss: 0.0, tally: Tally::new(outputs.classes()) };
         Self { sums: vec![0.0; end], places, outcome }
     }
 

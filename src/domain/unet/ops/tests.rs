@@ -232,8 +232,7 @@ fn ranked(batch: &Batch, density: bool) -> Batch {
 }
 
 fn learner(network: &Architecture, compute: &Compute, outputs: Outputs) -> Learner {
-    let classes = if let Outputs::Classes(_) = outputs { outputs.count() } else { 0 };
-    let weights = (0..classes).map(|class| 0.1 + class as f32 * 0.3).collect();
+    let weights = (0..outputs.classes()).map(|class| 0.1 + class as f32 * 0.3).collect();
     Learner::new(network, outputs, compute, weights, 11)
 }
 
