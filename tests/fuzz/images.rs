@@ -21,11 +21,13 @@ pub fn target(name: &str) -> Option<Target> {
     };
     let modes = ["trinary", "scale", "raw"].map(ros);
     let config = ImportConfig { image_resolution: Some(0.1), ..ImportConfig::default() };
-    // All ways share the decoders; an input goes one of them, told by its bytes, so that a case decodes once.
-    let run = move |input: &[u8]| match input.iter().fold(0, |sum: usize, byte| sum + usize::from(*byte)) % 5 {
-        0 => import_igibson(input, &ImportConfig::default()).is_ok(),
-        1 => import_image(input, &config).is_ok(),
-        way => import_ros(&modes[way - 2], input, &ImportConfig::default()).is_ok(),
+    // All ways share the decoders; an input goes one of them, told by its bytes, so that a case seldom decodes twice.
+    let run = move |input: &[u8]| {
+        let accepted = match input.iter().fold(0, |sum: usize, byte| sum + usize::from(*byte)) % 4 {
+            0 => import_igibson(input, &ImportConfig::default()).is_ok(),
+            way => import_ros(&modes[way - 1], input, &ImportConfig::default()).is_ok(),
+        };
+        accepted || import_image(input, &config).is_ok()
     };
     match name {
         "pgm" => Some(Target::new("pgm", pgms(), pgm, run)),
