@@ -3,6 +3,7 @@
 //! `cargo bench --bench unet` measures with criterion. `cargo bench --bench unet -- --peer train 5` trains (or, with `infer`,
 //! predicts) for about so many seconds and prints one line of JSON: what `benches/peers/unet_vs_pytorch.sh` compares.
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
@@ -30,6 +31,7 @@ fn tiles(windows: usize) -> Tiles {
         maps: vec!["noise".to_owned()],
         origin: vec![(0, 0, 0); windows],
         occupancy,
+        besides: BTreeMap::new(),
         target: Target::Classes { classes: CLASSES as u8, labels },
         labeled_share: vec![0.5; windows],
     }
@@ -42,7 +44,8 @@ fn trainer<'a>(tiles: &'a Tiles, compute: &Compute) -> Trainer<'a> {
 
 fn network(tiles: &Tiles, compute: &Compute) -> Network {
     let outputs = Outputs::Classes(CLASSES as u8);
-    Network::new(&Architecture::paper(), outputs, &trainer(tiles, compute).state().model, compute).expect("complete")
+    Network::new(&Architecture::paper(), &[], outputs, &trainer(tiles, compute).state().model, compute)
+        .expect("complete")
 }
 
 fn benches(criterion: &mut Criterion) {

@@ -4,9 +4,12 @@ mod damage;
 mod encoding;
 pub mod samples;
 
+use std::collections::BTreeMap;
+
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use proptest::prelude::*;
 use trodden::domain::geometry::{Frame, Grid, Point};
+use trodden::domain::planes::Plane;
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::ClassScores;
 use trodden::domain::tiles::{Target, Tiles};
@@ -146,6 +149,7 @@ proptest! {
             maps: vec!["a".to_owned(), "b".to_owned()],
             origin: (0..windows).map(|i| (draw(i) % 2, draw(i + 9) as i32 % 99 - 50, draw(i + 18) as i32 % 99 - 50)).collect(),
             occupancy: (0..cells).map(|i| (draw(i) % 2) as u8).collect(),
+            besides: BTreeMap::from([(Plane::Paths, (0..cells).map(|i| (draw(i) % 256) as u8).collect())]),
             target,
             labeled_share: (0..windows).map(|i| (draw(i) % 65) as f32 / 64.0).collect(),
         };
@@ -182,7 +186,8 @@ fn a_model_is_kept_in_half_precision() {
 fn the_shipped_model_says_ranks() {
     let model = Model::shipped();
     let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
-    let network = Network::new(&model.config.network, model.config.outputs(), &model.network, &compute);
+    let config = &model.config;
+    let network = Network::new(&config.network, &config.besides, config.outputs(), &model.network, &compute);
     assert!(matches!(network.expect("complete").outputs(), Outputs::Ranks { .. }));
 }
 

@@ -149,6 +149,7 @@ impl Maker {
                 batch: 32,
                 learning_rate: 0.001,
                 learned: Learned::Classes(tiles.target.class_counts().expect("classes")),
+                besides: Vec::new(),
             };
             let model = Arrays::from([("head.weight".to_owned(), array(12))]);
             let state = TrainState { epoch, model: model.clone(), optimizer: model };

@@ -1,5 +1,6 @@
 //! Training and prediction as a whole: what is learned, what can be resumed, and that threads change nothing.
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use trodden::domain::annotate::{AnnotateConfig, Mode, Overlap, annotate};
@@ -36,6 +37,7 @@ fn tiles(size: usize, windows: usize) -> Tiles {
         maps: vec!["noise".to_owned()],
         origin: vec![(0, 0, 0); windows],
         occupancy,
+        besides: BTreeMap::new(),
         target: Target::Classes { classes: 3, labels },
         labeled_share: vec![0.5; windows],
     }
@@ -101,7 +103,7 @@ fn ranks_are_learned_and_said() {
         assert!(errors[1] < 0.5 * errors[0] && errors[1] < 0.15, "{compute}: {errors:?}");
         let outputs = Outputs::Ranks { density: true };
         let network =
-            Network::new(&Architecture::paper(), outputs, &trainer.state().model, &compute).expect("complete");
+            Network::new(&Architecture::paper(), &[], outputs, &trainer.state().model, &compute).expect("complete");
         let said = network.predict_windows(&tiles.occupancy, 16, 6);
         let free = || said.chunks_exact(2).zip(rank).filter(|(_, rank)| **rank >= 0.0);
         let mean = |error: &dyn Fn(&[f32], f32) -> f32| {
@@ -169,7 +171,7 @@ fn threads_do_not_change_a_bit() {
                 let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
                 let metrics = epochs(&mut trainer, 2);
                 let state = trainer.state();
-                let network = Network::new(&Architecture::paper(), Outputs::Classes(3), &state.model, &compute)
+                let network = Network::new(&Architecture::paper(), &[], Outputs::Classes(3), &state.model, &compute)
                     .expect("complete");
                 let probabilities = network.predict_windows(&tiles.occupancy, 24, 5);
                 let probabilities: Vec<u32> = probabilities.into_iter().map(f32::to_bits).collect();
@@ -229,7 +231,7 @@ fn trained(compute: &Compute) -> Network {
     let tiles = tiles(16, 6);
     let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), compute, 7).expect("in range");
     epochs(&mut trainer, 3);
-    Network::new(&Architecture::paper(), Outputs::Classes(3), &trainer.state().model, compute).expect("complete")
+    Network::new(&Architecture::paper(), &[], Outputs::Classes(3), &trainer.state().model, compute).expect("complete")
 }
 
 /// Far from a window's border the network answers as on the whole map, if the window lies at the same offset modulo 8.
@@ -265,7 +267,8 @@ fn the_network_sees_as_far_as_its_layers_say() {
     for compute in computes() {
         let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config, &compute, 7).expect("in range");
         epochs(&mut trainer, 3);
-        let network = Network::new(&network, Outputs::Classes(3), &trainer.state().model, &compute).expect("complete");
+        let network =
+            Network::new(&network, &[], Outputs::Classes(3), &trainer.state().model, &compute).expect("complete");
         let (size, sight) = (176, network.layers().sight());
         let mut stream = Stream::new(8, &[0; 32], 0, "test/map");
         let mut map: Vec<u8> = (0..size * size).map(|_| u8::from(stream.unit() > 0.3)).collect();
@@ -320,7 +323,7 @@ fn the_rim_of_a_map_is_the_same_for_all_blocks() {
     let (tiles, compute) = (ranked(&tiles(32, 2), false), Compute::new(DeviceName::Flex, None).expect("everywhere"));
     let mut trainer = Trainer::new(&tiles, &[], &config, &compute, 7).expect("in range");
     epochs(&mut trainer, 3);
-    let network = Network::new(&form, Outputs::Ranks { density: false }, &trainer.state().model, &compute);
+    let network = Network::new(&form, &[], Outputs::Ranks { density: false }, &trainer.state().model, &compute);
     let network = network.expect("complete");
     assert!(network.layers().sight() > 96);
     let mut stream = Stream::new(9, &[0; 32], 0, "test/map");

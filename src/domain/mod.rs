@@ -8,6 +8,7 @@ pub mod homes;
 pub mod links;
 pub mod map;
 pub mod orca;
+pub mod planes;
 pub mod quantize;
 pub mod random;
 pub mod rank;

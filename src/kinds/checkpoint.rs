@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 
 use super::parquet::{Column, Layout, Table, wrong_value};
 use super::{Kind, KindError, Written, named_file};
+use crate::domain::planes::{self, Plane};
 use crate::domain::quantize::{ClassCounts, FEWEST_CLASSES, MOST_CLASSES, class_weights};
 use crate::domain::tiles::Target;
 use crate::domain::unet::{Architecture, Array, Arrays, EpochMetrics, Fit, Outputs, TrainState};
@@ -48,6 +49,8 @@ pub struct CheckpointConfig {
     pub learning_rate: f64,
     /// What it has learned.
     pub learned: Learned,
+    /// What it is shown of each cell besides whether it is free.
+    pub besides: Vec<Plane>,
 }
 
 /// What a network has learned to say.
@@ -113,6 +116,9 @@ struct ConfigFile {
     window: u32,
     batch: u32,
     learning_rate: f64,
+    /// What it is shown besides whether cells are free.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    besides: Vec<Plane>,
     /// Where ranks were learned, in the place of all that follows.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     ranks: Option<RanksFile>,
@@ -220,7 +226,7 @@ fn numbers_of(metrics: &EpochMetrics) -> Vec<f64> {
 
 /// Encodes `config.json` of a network that was trained for `epoch` epochs.
 pub(super) fn config_to_bytes(config: &CheckpointConfig, epoch: u32) -> Vec<u8> {
-    let CheckpointConfig { network, window, batch, learning_rate, learned } = config.clone();
+    let CheckpointConfig { network, window, batch, learning_rate, learned, besides } = config.clone();
     let counts = config.counts();
     let file = ConfigFile {
         kind: KIND.to_owned(),
@@ -230,6 +236,7 @@ pub(super) fn config_to_bytes(config: &CheckpointConfig, epoch: u32) -> Vec<u8> 
         window,
         batch,
         learning_rate,
+        besides,
         classes: counts.map(|counts| counts.classes.len()),
         distribution: counts.map(ClassCounts::distribution),
         class_weights: counts.map(class_weights),
@@ -308,8 +315,11 @@ pub(super) fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindE
     if !(file.learning_rate.is_finite() && file.learning_rate > 0.0) {
         return wrong("learning_rate", file.learning_rate.to_string(), "a positive number");
     }
-    let ConfigFile { network, window, batch, learning_rate, epoch, .. } = file;
-    Ok((CheckpointConfig { network, window, batch, learning_rate, learned }, epoch))
+    if planes::sorted(file.besides.clone()).as_ref() != Ok(&file.besides) {
+        return wrong("besides", format!("{:?}", file.besides), "planes in order, each once");
+    }
+    let ConfigFile { network, window, batch, learning_rate, besides, epoch, .. } = file;
+    Ok((CheckpointConfig { network, window, batch, learning_rate, learned, besides }, epoch))
 }
 
 fn metrics_columns(outputs: Outputs) -> Vec<Column> {

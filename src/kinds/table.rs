@@ -232,6 +232,8 @@ fn is_file(name: &Ident) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
     use crate::domain::geometry::{Frame, Grid, Point};
     use crate::domain::quantize::Labels;
@@ -271,6 +273,7 @@ mod tests {
             maps: vec!["home_00".to_owned(), "home_02".to_owned()],
             origin: vec![(0, 0, 0), (1, -2, 4)],
             occupancy: vec![1; 8],
+            besides: BTreeMap::new(),
             target: Target::Classes { classes: 3, labels: vec![-1, 1, 2, 3, 3, 2, 1, -1] },
             labeled_share: vec![0.75, 0.75],
         };

@@ -1,8 +1,10 @@
-//! `Tiles`: one row per window: `map` (name), `row`, `col` i32 of the top left cell; `occupancy` u8 and what is known of the
-//! cells as lists of `size`² values in row-major order; `labeled_share` f32. Size and the names of all maps are metadata.
+//! `Tiles`: one row per window: `map` (name), `row`, `col` i32 of the top left cell; `occupancy` u8, possibly
+//! `unknown` and `paths` u8, and what is known of the cells as lists of `size`² values in row-major order; `labeled_share`
+//! f32. Size and the names of all maps are metadata.
 //!
 //! Known are either `classes` i8, with C in the metadata, or `rank` f32 (−1 on blocked cells) and possibly `density` f32.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use arrow::array::{
@@ -13,6 +15,7 @@ use arrow::datatypes::{ArrowPrimitiveType, DataType, Field, Float32Type, Int8Typ
 use super::labels::{check_classes, class_count};
 use super::parquet::{Batch, Column, Layout, Table, wrong_value};
 use super::{KindError, SingleFile};
+use crate::domain::planes::Plane;
 use crate::domain::quantize::UNLABELED;
 use crate::domain::tiles::{NO_RANK, Target, Tiles};
 
@@ -20,7 +23,7 @@ const KIND: &str = "Tiles";
 /// Windows of a row group: four million cells at 64 cells a side.
 const GROUP_WINDOWS: usize = 1024;
 
-fn columns(size: usize, target: &Target) -> Vec<Column> {
+fn columns<'a>(size: usize, besides: impl Iterator<Item = &'a Plane>, target: &Target) -> Vec<Column> {
     let list = |name: &str, item| {
         let length = i32::try_from(size * size).expect("windows have at most 512 cells a side");
         Column::new(name, DataType::FixedSizeList(Arc::new(Field::new("element", item, false)), length))
@@ -31,6 +34,7 @@ fn columns(size: usize, target: &Target) -> Vec<Column> {
         Column::new("col", DataType::Int32),
         list("occupancy", DataType::UInt8),
     ];
+    columns.extend(besides.map(|plane| list(plane.name(), DataType::UInt8)));
     match target {
         Target::Classes { .. } => columns.push(list("classes", DataType::Int8)),
         Target::Ranks { density, .. } => {
@@ -48,7 +52,7 @@ impl SingleFile for Tiles {
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
         check(self)?;
-        let columns = columns(self.size, &self.target);
+        let columns = columns(self.size, self.besides.keys(), &self.target);
         let lists = |column: usize, values: ArrayRef| -> Result<ArrayRef, KindError> {
             let DataType::FixedSizeList(item, length) = &columns[column].data else { unreachable!("a list") };
             let array = FixedSizeListArray::try_new(item.clone(), *length, values, None);
@@ -67,13 +71,17 @@ impl SingleFile for Tiles {
             Arc::new(StringArray::from_iter_values(names?)),
             Arc::new(Int32Array::from_iter_values(self.origin.iter().map(|origin| origin.1))),
             Arc::new(Int32Array::from_iter_values(self.origin.iter().map(|origin| origin.2))),
-            lists(3, Arc::new(UInt8Array::from(self.occupancy.clone())))?,
         ];
+        for codes in std::iter::once(&self.occupancy).chain(self.besides.values()) {
+            arrays.push(lists(arrays.len(), Arc::new(UInt8Array::from(codes.clone())))?);
+        }
         match &self.target {
-            Target::Classes { labels, .. } => arrays.push(lists(4, Arc::new(Int8Array::from(labels.clone())))?),
+            Target::Classes { labels, .. } => {
+                arrays.push(lists(arrays.len(), Arc::new(Int8Array::from(labels.clone())))?);
+            }
             Target::Ranks { rank, density } => {
-                for (number, values) in std::iter::once(rank).chain(density).enumerate() {
-                    arrays.push(lists(4 + number, Arc::new(Float32Array::from(values.clone())))?);
+                for values in std::iter::once(rank).chain(density) {
+                    arrays.push(lists(arrays.len(), Arc::new(Float32Array::from(values.clone())))?);
                 }
             }
         }
@@ -101,9 +109,11 @@ impl SingleFile for Tiles {
         } else {
             Target::Classes { classes: class_count(&table)?, labels: Vec::new() }
         };
-        let columns = columns(size, &target);
+        let besides: BTreeMap<Plane, Vec<u8>> =
+            Plane::ALL.into_iter().filter(|plane| table.has(plane.name())).map(|plane| (plane, Vec::new())).collect();
+        let columns = columns(size, besides.keys(), &target);
         let mut tiles =
-            Self { size, maps, origin: Vec::new(), occupancy: Vec::new(), target, labeled_share: Vec::new() };
+            Self { size, maps, origin: Vec::new(), occupancy: Vec::new(), besides, target, labeled_share: Vec::new() };
         for batch in table.batches(&columns)? {
             tiles.append(&batch?)?;
         }
@@ -136,6 +146,12 @@ fn check(tiles: &Tiles) -> Result<(), KindError> {
     if let Some(i) = tiles.occupancy.iter().position(|cell| *cell > 1) {
         return Err(wrong_value(KIND, "occupancy", i / cells, tiles.occupancy[i], "0 or 1"));
     }
+    for (plane, codes) in &tiles.besides {
+        if let Some(i) = codes.iter().position(|code| *code > plane.most()) {
+            let expected = format!("0 to {}", plane.most());
+            return Err(wrong_value(KIND, plane.name(), i / cells, codes[i], &expected));
+        }
+    }
     if let Some(i) = tiles.labeled_share.iter().position(|share| !(0.0..=1.0).contains(share)) {
         return Err(wrong_value(KIND, "labeled_share", i, tiles.labeled_share[i], "a share from 0 to 1"));
     }
@@ -159,18 +175,22 @@ impl Append for Tiles {
         }
         let cells = self.size * self.size;
         append_lists::<UInt8Type>(&mut self.occupancy, "occupancy", batch, 3, cells)?;
-        let mut last = 5;
+        let mut column = 4;
+        for (plane, codes) in &mut self.besides {
+            append_lists::<UInt8Type>(codes, plane.name(), batch, column, cells)?;
+            column += 1;
+        }
         match &mut self.target {
-            Target::Classes { labels, .. } => append_lists::<Int8Type>(labels, "classes", batch, 4, cells)?,
+            Target::Classes { labels, .. } => append_lists::<Int8Type>(labels, "classes", batch, column, cells)?,
             Target::Ranks { rank, density } => {
-                append_lists::<Float32Type>(rank, "rank", batch, 4, cells)?;
+                append_lists::<Float32Type>(rank, "rank", batch, column, cells)?;
                 if let Some(density) = density {
-                    append_lists::<Float32Type>(density, "density", batch, 5, cells)?;
-                    last = 6;
+                    column += 1;
+                    append_lists::<Float32Type>(density, "density", batch, column, cells)?;
                 }
             }
         }
-        self.labeled_share.extend_from_slice(batch.numbers::<Float32Type>(last));
+        self.labeled_share.extend_from_slice(batch.numbers::<Float32Type>(column + 1));
         Ok(())
     }
 }

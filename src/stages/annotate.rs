@@ -97,8 +97,8 @@ pub fn heat(
     compute: &Compute,
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<Heat, StageError> {
-    let CheckpointConfig { network, window, .. } = &model.config;
-    let network = Network::new(network, model.config.outputs(), &model.network, compute);
+    let CheckpointConfig { network, window, besides, .. } = &model.config;
+    let network = Network::new(network, besides, model.config.outputs(), &model.network, compute);
     let network = network.map_err(StageError::failed)?;
     let annotation = annotate(map, *window as usize, config, &network, progress).map_err(|error| match error {
         AnnotateError::Cancelled => StageError::Cancelled,

@@ -64,7 +64,7 @@ impl Stage for Tile {
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
         let cells: u64 = inputs.group("map").values().map(|map| outline(store, map).rows).sum();
         // Each cell is in as many windows as strides fit into one, once as it is kept and once more as it is written: its
-        // occupancy and class, or rank and density.
+        // occupancy and planes, and class, or rank and density.
         let windows = u64::from(self.0.size.div_ceil(self.0.stride.max(1))).pow(2);
         let bytes = 2 * if inputs.has("labels") {
             2
@@ -72,7 +72,7 @@ impl Stage for Tile {
             9
         } else {
             5
-        };
+        } + 2 * self.0.besides.len() as u64;
         super::memory(cells.saturating_mul(32 + bytes * windows))
     }
 

@@ -118,6 +118,7 @@ impl Stage for Train {
             batch: self.0.batch,
             learning_rate: self.0.learning_rate,
             learned,
+            besides: tiles.planes(),
         };
         write(context, &Checkpoint { config, state: trainer.state(), metrics })
     }

@@ -16,7 +16,7 @@ use serde_json::Value;
 use trodden::domain::quantize::class_weights;
 use trodden::domain::unet::{Compute, DeviceName, Network, Simd};
 use trodden::kinds::parquet::read_any;
-use trodden::kinds::{Checkpoint, KindError, SingleFile, TrackReader, TrackWriter, data_frame};
+use trodden::kinds::{Checkpoint, CheckpointConfig, KindError, SingleFile, TrackReader, TrackWriter, data_frame};
 
 use super::Target;
 use super::mutate::{Dice, bytes, number, times, tree};
@@ -235,7 +235,8 @@ fn checkpoint() -> Target {
         };
         let Ok(checkpoint) = Checkpoint::from_files(file) else { return false };
         drop(checkpoint.config.counts().map(class_weights));
-        drop(Network::new(&checkpoint.config.network, checkpoint.config.outputs(), &checkpoint.state.model, &compute));
+        let CheckpointConfig { network, besides, .. } = &checkpoint.config;
+        drop(Network::new(network, besides, checkpoint.config.outputs(), &checkpoint.state.model, &compute));
         checkpoint.to_files().is_ok()
     })
 }

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 
 use trodden::domain::geometry::{Cell, Frame, Grid, Point};
 use trodden::domain::map::{Observed, OccupancyMap};
+use trodden::domain::planes::Plane;
 use trodden::domain::quantize::{ClassCounts, Labels};
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::{ClassScores, Confusion, Estimate, FloorScores};
@@ -68,6 +69,7 @@ pub fn tiles() -> Tiles {
         maps: ["home_00", "home_01", "home_02"].map(str::to_owned).to_vec(),
         origin: vec![(0, -8, 0), (0, 0, 8), (2, 16, -8)],
         occupancy: (0..cells).map(|i| u8::from(i % 3 != 0)).collect(),
+        besides: BTreeMap::new(),
         target: Target::Classes {
             classes: 3,
             labels: (0..cells).map(|i| if i % 3 == 0 { 0 } else { (i % 5) as i8 - 1 }).collect(),
@@ -76,9 +78,11 @@ pub fn tiles() -> Tiles {
     }
 }
 
-/// The same windows, with ranks and densities to learn.
+/// The same windows with all planes, and ranks and densities to learn.
 pub fn ranked_tiles() -> Tiles {
-    let tiles = tiles();
+    let mut tiles = tiles();
+    let codes = |plane: Plane| (0..3 * 64).map(|i| (i % (usize::from(plane.most()) + 1)) as u8).collect();
+    tiles.besides = Plane::ALL.into_iter().map(|plane| (plane, codes(plane))).collect();
     let free = |i: usize| tiles.occupancy[i] > 0;
     let target = Target::Ranks {
         rank: (0..3 * 64).map(|i| if free(i) { (i % 17) as f32 / 32.0 } else { NO_RANK }).collect(),
@@ -184,6 +188,7 @@ pub fn checkpoint() -> Checkpoint {
             batch: 32,
             learning_rate: 0.001,
             learned: Learned::Classes(ClassCounts { obstacle: 3001, classes: vec![825, 141, 37], unlabeled: 17 }),
+            besides: Vec::new(),
         },
         state: TrainState {
             epoch: 2,
@@ -207,6 +212,7 @@ pub fn ranking_checkpoint() -> Checkpoint {
         config: CheckpointConfig {
             network: Architecture::deep(),
             learned: Learned::Ranks { density: true },
+            besides: Plane::ALL.to_vec(),
             ..classes.config
         },
         state: classes.state,

@@ -110,7 +110,7 @@ fn blocks(length: usize, most: usize, period: usize) -> Vec<Range<usize>> {
 /// Returns which rows (or columns) a block is shown with: a margin to both sides, but no more of the rim than there is.
 ///
 /// All begin and end at multiples of the period, less the offset of a pass, so that the rim ends at the same place for all.
-fn shown(block: &Range<usize>, length: usize, margin: usize, rim: usize) -> Range<isize> {
+fn within(block: &Range<usize>, length: usize, margin: usize, rim: usize) -> Range<isize> {
     let top = block.start as isize - margin as isize;
     top.max(-(rim as isize))..((block.end + margin).min(length + rim)) as isize
 }
@@ -120,37 +120,39 @@ fn shown(block: &Range<usize>, length: usize, margin: usize, rim: usize) -> Rang
 /// The map lies in obstacle. Blocks of it are predicted with a margin that is wider than the network can see, or all the
 /// obstacle there is, so the result does not depend on the blocks.
 pub(super) fn means(
-    free: &Grid<bool>,
+    shown: &[Grid<u8>],
     passes: &Passes,
     predict: &dyn Predict,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<f32>, AnnotateError> {
-    let width = predict.outputs().count();
+    let (map, width) = (&shown[0], predict.outputs().count());
     let period = predict.period();
     // Cells around a block that are shown to the network besides: all that it can see from any cell.
     let margin = predict.sight().next_multiple_of(period);
     let rim = RIM.min(margin).next_multiple_of(period);
     // So that margins never are most of the work.
     let most = BLOCK.max(4 * margin);
-    let (bands, bars) = (blocks(free.rows(), most, period), blocks(free.cols(), most, period));
+    let (bands, bars) = (blocks(map.rows(), most, period), blocks(map.cols(), most, period));
     let total = bands.len() * bars.len() * passes.passes.len();
     let mut done = 0;
-    let mut means = vec![0.0; free.len() * width];
+    let mut means = vec![0.0; map.len() * width];
     let (mut images, mut predicted) = (Vec::new(), Vec::new());
     for (band, bar) in bands.iter().flat_map(|band| bars.iter().map(move |bar| (band, bar))) {
-        let (high, wide) = (shown(band, free.rows(), margin, rim), shown(bar, free.cols(), margin, rim));
-        let edge = |shown: &Range<isize>| ((shown.end - shown.start) as usize + period - 1).next_multiple_of(period);
+        let (high, wide) = (within(band, map.rows(), margin, rim), within(bar, map.cols(), margin, rim));
+        let edge = |range: &Range<isize>| ((range.end - range.start) as usize + period - 1).next_multiple_of(period);
         let (rows, cols) = (edge(&high), edge(&wide));
         let mut sums = vec![0.0f64; band.len() * bar.len() * width];
         for batch in passes.passes.chunk_by(|a, b| a.transposed == b.transposed).flat_map(|alike| alike.chunks(BATCH)) {
-            images.resize(batch.len() * rows * cols, 0u8);
-            predicted.resize(images.len() * width, 0.0f32);
-            images.par_chunks_exact_mut(rows * cols).zip(batch).for_each(|(image, pass)| {
+            let cells = rows * cols;
+            images.resize(batch.len() * shown.len() * cells, 0u8);
+            predicted.resize(batch.len() * cells * width, 0.0f32);
+            images.par_chunks_exact_mut(cells).enumerate().for_each(|(number, image)| {
+                let (pass, plane) = (&batch[number / shown.len()], &shown[number % shown.len()]);
                 // The image begins `down` rows and `right` columns before the margin does.
                 let (top, left) = (high.start - pass.offset.0 as isize, wide.start - pass.offset.1 as isize);
                 for (row, col) in (0..rows).flat_map(|row| (0..cols).map(move |col| (row, col))) {
-                    let cell = free.get(top + row as isize, left + col as isize);
-                    image[pass.pixel(row, col, rows, cols)] = u8::from(cell == Some(&true));
+                    let code = plane.get(top + row as isize, left + col as isize);
+                    image[pass.pixel(row, col, rows, cols)] = code.copied().unwrap_or(0);
                 }
             });
             let [height, length] = batch[0].shape(rows, cols);
@@ -158,7 +160,7 @@ pub(super) fn means(
             let above = (band.start as isize - high.start) as usize;
             let before = (bar.start as isize - wide.start) as usize;
             sums.par_chunks_exact_mut(bar.len() * width).enumerate().for_each(|(row, sums)| {
-                for (image, pass) in predicted.chunks_exact(rows * cols * width).zip(batch) {
+                for (image, pass) in predicted.chunks_exact(cells * width).zip(batch) {
                     let (down, right) = pass.offset;
                     for col in passes.cols(band.start + row, bar.clone(), pass.offset) {
                         let at = col - bar.start;
@@ -177,7 +179,7 @@ pub(super) fn means(
         }
         let count = passes.for_each_cell() as f64;
         for (row, sums) in band.clone().zip(sums.chunks_exact(bar.len() * width)) {
-            let out = &mut means[(row * free.cols() + bar.start) * width..];
+            let out = &mut means[(row * map.cols() + bar.start) * width..];
             for (mean, sum) in out.iter_mut().zip(sums) {
                 *mean = (sum / count) as f32;
             }

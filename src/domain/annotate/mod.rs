@@ -68,7 +68,10 @@ pub fn annotate(
     if !window.is_multiple_of(predict.period()) {
         return Err(AnnotateError::WindowOfNetwork { window, period: predict.period() });
     }
-    let means = means(map.free(), window, config, predict, progress)?;
+    let shown: Vec<Grid<u8>> = std::iter::once(map.free().map(|free| u8::from(*free)))
+        .chain(predict.besides().iter().map(|plane| plane.of(map)))
+        .collect();
+    let means = means(map.free(), &shown, window, config, predict, progress)?;
     let outputs = predict.outputs();
     let grid = |of: &dyn Fn(&[f32]) -> f32| {
         let cells = means.chunks_exact(outputs.count()).zip(map.free().as_slice());
@@ -100,6 +103,7 @@ pub fn annotate(
 /// Computes the mean outputs of every cell, shape [rows, cols, outputs], over all that is said of it.
 fn means(
     free: &Grid<bool>,
+    shown: &[Grid<u8>],
     window: usize,
     config: &AnnotateConfig,
     predict: &dyn Predict,
@@ -109,8 +113,8 @@ fn means(
         Mode::Exact(overlap) => {
             let slide = windows::Slide::new(window, overlap);
             match slide.as_passes(free, predict) {
-                Some(passes) => dense::means(free, &passes, predict, progress),
-                None => windows::means(free, &slide, predict, progress),
+                Some(passes) => dense::means(shown, &passes, predict, progress),
+                None => windows::means((free, shown), &slide, predict, progress),
             }
         }
         Mode::Dense { offsets, augment } => {
@@ -119,7 +123,7 @@ fn means(
                 return Err(AnnotateError::OffsetsOfNetwork { offsets, all });
             }
             let passes = dense::Passes::mean_of(offsets as usize, predict.period(), augment);
-            dense::means(free, &passes, predict, progress)
+            dense::means(shown, &passes, predict, progress)
         }
     }
 }

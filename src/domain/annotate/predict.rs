@@ -2,15 +2,22 @@
 
 use std::ops::ControlFlow;
 
+use crate::domain::planes::Plane;
 use crate::domain::unet::{Network, Outputs};
 
 /// What can tell how much cells are visited: a network.
 pub trait Predict: Sync {
-    /// Predicts `n` images of `rows` × `cols` cells, 1 free and 0 blocked, shape [n, rows, cols], on all threads.
+    /// Predicts `n` images of `rows` × `cols` cells on all threads: codes of planes, shape [n, planes, rows, cols], the first
+    /// 1 for free and 0 for blocked cells, the others those [besides](Self::besides).
     ///
     /// `out` gets the [outputs](Self::outputs), shape [n, rows, cols, outputs]. Rows and columns are multiples of the
     /// [period](Self::period).
     fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]);
+
+    /// Returns what it is shown besides whether cells are free: nothing, unless it says so.
+    fn besides(&self) -> &[Plane] {
+        &[]
+    }
 
     /// Returns what the numbers are that it says of a cell.
     fn outputs(&self) -> Outputs;
@@ -28,6 +35,10 @@ pub trait Predict: Sync {
 impl Predict for Network {
     fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
         self.predict(images, rows, cols, n, out);
+    }
+
+    fn besides(&self) -> &[Plane] {
+        self.layers().besides()
     }
 
     fn outputs(&self) -> Outputs {

@@ -3,6 +3,7 @@ use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 use super::*;
 use crate::domain::geometry::{Cell, Frame};
+use crate::domain::planes::Plane;
 use crate::domain::random::Stream;
 use crate::domain::unet::Outputs;
 
@@ -227,6 +228,43 @@ fn augmented_predictions_do_not_prefer_a_direction() {
         let density = Grid::from_fn(map.free().rows(), map.free().cols(), relative);
         assert_close(found.density.as_ref().expect("it says densities"), &density);
         assert!(found.probabilities.is_empty());
+    }
+}
+
+/// Says as rank what the second plane, of paths, shows.
+struct Shown;
+
+impl Predict for Shown {
+    fn images(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
+        let planes = images.chunks_exact(rows * cols).skip(1).step_by(2);
+        assert_eq!((images.len(), planes.len()), (2 * n * rows * cols, n));
+        out.iter_mut().zip(planes.flatten()).for_each(|(out, code)| *out = f32::from(*code) / 255.0);
+    }
+    fn besides(&self) -> &[Plane] {
+        &[Plane::Paths]
+    }
+    fn outputs(&self) -> Outputs {
+        Outputs::Ranks { density: false }
+    }
+    fn period(&self) -> usize {
+        8
+    }
+    fn sight(&self) -> usize {
+        1
+    }
+    fn edge(&self) -> usize {
+        1
+    }
+}
+
+/// In every window, at every offset and in every transform a cell is shown with its own codes.
+#[test]
+fn planes_lie_on_the_map() {
+    let map = &maps()[0];
+    let dense = AnnotateConfig { mode: Mode::Dense { offsets: 16, augment: true }, ..AnnotateConfig::default() };
+    for config in [dense, exact(Overlap::Full { stride: 3 })] {
+        let found = annotate(map, 16, &config, &Shown, &mut |_, _| ControlFlow::Continue(())).expect("in range");
+        assert_close(&found.heat, &Plane::Paths.of(map).map(|code| f64::from(*code) / 255.0));
     }
 }
 

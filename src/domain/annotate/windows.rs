@@ -74,11 +74,11 @@ impl Slide {
         places
     }
 
-    /// Copies rows of the map, as wide as a window; what lies outside is blocked.
-    pub(super) fn cut(&self, free: &Grid<bool>, (top, left): (isize, isize), cells: &mut [u8]) {
+    /// Copies rows of a plane of the map, as wide as a window; outside of the map all codes are 0.
+    pub(super) fn cut(&self, plane: &Grid<u8>, (top, left): (isize, isize), cells: &mut [u8]) {
         for (row, out) in cells.chunks_exact_mut(self.size).enumerate() {
-            for (col, value) in out.iter_mut().enumerate() {
-                *value = u8::from(free.get(top + row as isize, left + col as isize) == Some(&true));
+            for (col, code) in out.iter_mut().enumerate() {
+                *code = plane.get(top + row as isize, left + col as isize).copied().unwrap_or(0);
             }
         }
     }
@@ -95,20 +95,23 @@ struct Row {
 ///
 /// Only the rows that the windows of a batch touch have sums: windows come from top to bottom.
 pub(super) fn means(
-    free: &Grid<bool>,
+    (free, shown): (&Grid<bool>, &[Grid<u8>]),
     slide: &Slide,
     predict: &dyn Predict,
     progress: &mut Progress<'_>,
 ) -> Result<Vec<f32>, AnnotateError> {
     let (size, width) = (slide.size, predict.outputs().count());
     let places = slide.places(free);
-    let (mut windows, mut predicted) = (vec![0; BATCH * size * size], vec![0.0; BATCH * size * size * width]);
+    let (mut windows, mut predicted) =
+        (vec![0; BATCH * shown.len() * size * size], vec![0.0; BATCH * size * size * width]);
     let mut means = Vec::with_capacity(free.len() * width);
     let mut rows: VecDeque<Row> = VecDeque::new();
     for (done, batch) in places.chunks(BATCH).enumerate() {
-        let windows = &mut windows[..batch.len() * size * size];
-        let predicted = &mut predicted[..windows.len() * width];
-        windows.par_chunks_exact_mut(size * size).zip(batch).for_each(|(w, place)| slide.cut(free, *place, w));
+        let windows = &mut windows[..batch.len() * shown.len() * size * size];
+        let predicted = &mut predicted[..batch.len() * size * size * width];
+        windows.par_chunks_exact_mut(size * size).enumerate().for_each(|(number, window)| {
+            slide.cut(&shown[number % shown.len()], batch[number / shown.len()], window);
+        });
         predict.images(windows, size, size, batch.len(), predicted);
 
         let first = batch[0].0.max(0) as usize;

@@ -125,7 +125,7 @@ pub fn criticality(
 }
 
 /// Draws open cells without repetition.
-fn draw_sources(open: &Grid<bool>, count: usize, stream: &mut Stream) -> Vec<usize> {
+pub(super) fn draw_sources(open: &Grid<bool>, count: usize, stream: &mut Stream) -> Vec<usize> {
     let mut cells: Vec<usize> = (0..open.len()).filter(|index| open.as_slice()[*index]).collect();
     let count = count.min(cells.len());
     for at in 0..count {
@@ -137,7 +137,7 @@ fn draw_sources(open: &Grid<bool>, count: usize, stream: &mut Stream) -> Vec<usi
 }
 
 /// Adds up what the paths from all sources give each cell, `value` of its passages and of the number of paths.
-fn passages(
+pub(super) fn passages(
     open: &Grid<bool>,
     sources: &[usize],
     limit: u32,

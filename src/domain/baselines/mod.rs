@@ -11,12 +11,14 @@ mod betweenness;
 mod error;
 mod isovist;
 mod paths;
+mod rough;
 mod sight;
 mod swept;
 
 pub use betweenness::{BetweennessConfig, CriticalityConfig, betweenness, criticality};
 pub use error::BaselineError;
 pub use isovist::{IsovistConfig, isovist};
+pub use rough::rough_betweenness;
 
 use super::geometry::Grid;
 use super::map::{OccupancyMap, squared_distances};

@@ -3,6 +3,7 @@
 mod target;
 mod transform;
 
+use std::collections::BTreeMap;
 use std::ops::Range;
 
 use schemars::JsonSchema;
@@ -10,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::geometry::{Cell, Grid};
 use super::map::OccupancyMap;
+use super::planes::{self, Plane};
 use super::quantize::OBSTACLE;
 
 pub use target::{Known, NO_RANK, Ranks, Target};
@@ -28,11 +30,14 @@ pub struct TileConfig {
     /// Windows with fewer labeled cells than this are dropped, 1 to `size`²; 256 is a sixteenth of a window of 64 cells.
     #[schemars(range(min = 1, max = 262_144))]
     pub min_labeled: u32,
+    /// What a network is shown of each cell besides whether it is free: `unknown`, whether nobody has looked; `paths`, the
+    /// share of the map's free cells that fewer shortest paths lead over.
+    pub besides: Vec<Plane>,
 }
 
 impl Default for TileConfig {
     fn default() -> Self {
-        Self { size: 64, stride: 8, min_labeled: 256 }
+        Self { size: 64, stride: 8, min_labeled: 256, besides: Vec::new() }
     }
 }
 
@@ -46,6 +51,8 @@ pub enum TileError {
     Stride { stride: u32, size: u32 },
     #[error("`min_labeled` is `{min_labeled}`, allowed are 1 to the window's {cells} cells")]
     MinLabeled { min_labeled: u32, cells: u32 },
+    #[error("of `besides` {0}, allowed is each plane once")]
+    Besides(String),
     #[error("the labels of map `{map}` have {rows} × {cols} cells, the map {map_rows} × {map_cols}")]
     SizeMismatch { map: String, rows: usize, cols: usize, map_rows: usize, map_cols: usize },
     #[error("the labels of map `{map}` have {found} classes, those of the maps before it {classes}")]
@@ -64,7 +71,7 @@ impl TileConfig {
     /// # Errors
     /// [`TileError`] names the parameter and what is allowed.
     pub fn check(&self) -> Result<(), TileError> {
-        let &Self { size, stride, min_labeled } = self;
+        let &Self { size, stride, min_labeled, .. } = self;
         if !(8..=512).contains(&size) || !size.is_multiple_of(8) {
             return Err(TileError::Size(size));
         }
@@ -74,7 +81,7 @@ impl TileConfig {
         if !(1..=size * size).contains(&min_labeled) {
             return Err(TileError::MinLabeled { min_labeled, cells: size * size });
         }
-        Ok(())
+        planes::sorted(self.besides.clone()).map(drop).map_err(TileError::Besides)
     }
 }
 
@@ -100,6 +107,8 @@ pub struct Tiles {
     pub origin: Vec<(u32, i32, i32)>,
     /// 1 for free and 0 for blocked cells; shape [windows, size, size].
     pub occupancy: Vec<u8>,
+    /// Codes of the planes that a network is shown besides, each of the shape of the occupancy.
+    pub besides: BTreeMap<Plane, Vec<u8>>,
     /// What is to be learned of the cells; shape [windows, size, size].
     pub target: Target,
     /// For each window the share of its cells that are labeled.
@@ -129,6 +138,12 @@ impl Tiles {
     #[must_use]
     pub const fn sample(&self, sample: usize) -> (usize, Transform) {
         (sample / Transform::ALL.len(), Transform::ALL[sample % Transform::ALL.len()])
+    }
+
+    /// Returns what a network is shown besides whether cells are free.
+    #[must_use]
+    pub fn planes(&self) -> Vec<Plane> {
+        self.besides.keys().copied().collect()
     }
 
     /// Returns the occupancy of one window in row-major order.
@@ -202,6 +217,7 @@ pub fn cut(maps: &[LabeledMap<'_>], config: &TileConfig) -> Result<Tiles, TileEr
         maps: maps.iter().map(|map| map.name.to_owned()).collect(),
         origin: Vec::new(),
         occupancy: Vec::new(),
+        besides: config.besides.iter().map(|plane| (*plane, Vec::new())).collect(),
         target: first.known.empty_target(),
         labeled_share: Vec::new(),
     };
@@ -235,6 +251,8 @@ fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &Til
     let free = labeled.map.free();
     let free_cells = Sums::new(free, |free| *free);
     let labeled_cells = Sums::new(&labeled.known.labeled(), |labeled| *labeled);
+    let besides: BTreeMap<Plane, Grid<u8>> =
+        tiles.besides.keys().map(|plane| (*plane, plane.of(labeled.map))).collect();
     let (size, stride) = (i64::from(config.size), i64::from(config.stride));
     // The first multiple of the stride at which a window still reaches the map.
     let first = -((size - 1) / stride * stride);
@@ -248,6 +266,9 @@ fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &Til
             tiles.origin.push((index, top as i32, left as i32));
             tiles.labeled_share.push(count as f32 / (size * size) as f32);
             push_window(&mut tiles.occupancy, free, top, left, size, 0, |free| u8::from(*free));
+            for (plane, codes) in &mut tiles.besides {
+                push_window(codes, &besides[plane], top, left, size, 0, |code| *code);
+            }
             match (&mut tiles.target, labeled.known) {
                 (Target::Classes { labels, .. }, Known::Classes(known)) => {
                     push_window(labels, &known.classes, top, left, size, OBSTACLE, |label| *label);
@@ -315,6 +336,7 @@ impl Sums {
 mod tests {
     use super::*;
     use crate::domain::geometry::Frame;
+    use crate::domain::map::Observed;
     use crate::domain::quantize::{ClassCounts, Labels};
     use crate::domain::random::Stream;
     use proptest::prelude::*;
@@ -334,7 +356,8 @@ mod tests {
         let labels = Labels { classes: labels.classes.map(|_| 2), ..labels };
         let map = OccupancyMap::new(map.free().map(|_| true), *map.frame()).expect("all free");
         let maps = [LabeledMap { name: "strip", map: &map, known: Known::Classes(&labels) }];
-        let tiles = cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1 }).expect("windows");
+        let tiles =
+            cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1, ..TileConfig::default() }).expect("windows");
         let expected: Vec<_> = [-4, 0].iter().flat_map(|r| [-4, 0, 4, 8].map(|c| (0u32, *r, c))).collect();
         assert_eq!(tiles.origin, expected);
         // The last one of the first row holds the map's last column in its first one, rows 0 to 2 from its row 4 on.
@@ -354,7 +377,7 @@ mod tests {
     fn windows_without_enough_labels_are_dropped() {
         let (map, labels) = random_map(20, 20, 2);
         let maps = [LabeledMap { name: "a", map: &map, known: Known::Classes(&labels) }];
-        let config = TileConfig { size: 8, stride: 1, min_labeled: 40 };
+        let config = TileConfig { size: 8, stride: 1, min_labeled: 40, ..TileConfig::default() };
         let tiles = cut(&maps, &config).expect("windows");
         let all = cut(&maps, &TileConfig { min_labeled: 1, ..config.clone() }).expect("windows");
         let labeled =
@@ -377,7 +400,7 @@ mod tests {
         let known = |density: Option<Grid<f32>>| Ranks { rank: rank.clone(), density };
         let (plain, dense) = (known(None), known(Some(rank.map(|rank| 2.0 * rank.max(0.0)))));
         let labeled = |name, known| LabeledMap { name, map: &map, known: Known::Ranks(known) };
-        let config = TileConfig { size: 8, stride: 8, min_labeled: 1 };
+        let config = TileConfig { size: 8, stride: 8, min_labeled: 1, ..TileConfig::default() };
         let tiles = cut(&[labeled("a", &dense), labeled("b", &dense)], &config).expect("windows");
         // Windows at −0 only: the map is smaller than one.
         assert_eq!(tiles.origin, [(0, 0, 0), (1, 0, 0)]);
@@ -393,9 +416,30 @@ mod tests {
     }
 
     #[test]
+    fn planes_are_cut_as_the_map_is() {
+        let (map, labels) = random_map(5, 6, 3);
+        let unknown = Grid::from_fn(5, 6, |cell| if cell.col == 4 { Observed::Unknown } else { Observed::Free });
+        let map = map.with_observed(unknown).expect("of one size");
+        let maps = [LabeledMap { name: "a", map: &map, known: Known::Classes(&labels) }];
+        let besides = vec![Plane::Paths, Plane::Unknown];
+        let config = TileConfig { size: 8, stride: 8, min_labeled: 1, besides };
+        let tiles = cut(&maps, &config).expect("windows");
+        assert_eq!(tiles.besides.keys().copied().collect::<Vec<_>>(), Plane::ALL);
+        let at = |plane: Plane| {
+            let codes = plane.of(&map);
+            (0..64).map(|i| codes.get(i / 8, i % 8).copied().unwrap_or(0)).collect::<Vec<u8>>()
+        };
+        assert!(Plane::ALL.iter().all(|plane| tiles.besides[plane] == at(*plane)));
+        let twice = TileConfig { besides: vec![Plane::Paths; 2], ..config };
+        let error = twice.check().expect_err("twice").to_string();
+        assert_eq!(error, "of `besides` `paths` occurs twice, allowed is each plane once");
+    }
+
+    #[test]
     fn parameters_out_of_range_are_named() {
-        let check =
-            |size, stride, min_labeled| TileConfig { size, stride, min_labeled }.check().expect_err("out of range");
+        let check = |size, stride, min_labeled| {
+            TileConfig { size, stride, min_labeled, ..TileConfig::default() }.check().expect_err("out of range")
+        };
         assert_eq!(check(12, 4, 1).to_string(), "`size` is `12`, allowed are multiples of 8 from 8 to 512");
         assert_eq!(check(16, 17, 1).to_string(), "`stride` is `17`, allowed are 1 to the window's 16");
         assert_eq!(check(16, 4, 257).to_string(), "`min_labeled` is `257`, allowed are 1 to the window's 256 cells");
@@ -406,7 +450,8 @@ mod tests {
     fn contradicting_windows_do_not_stitch() {
         let (map, labels) = random_map(10, 10, 3);
         let maps = [LabeledMap { name: "a", map: &map, known: Known::Classes(&labels) }];
-        let mut tiles = cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1 }).expect("windows");
+        let mut tiles =
+            cut(&maps, &TileConfig { size: 8, stride: 4, min_labeled: 1, ..TileConfig::default() }).expect("windows");
         let window = tiles.origin.iter().position(|origin| *origin == (0, 0, 0)).expect("a window at the corner");
         let Target::Classes { labels, .. } = &mut tiles.target else { unreachable!("they were cut from classes") };
         labels[window * 64 + 8 * 5 + 6] ^= 1;
@@ -421,7 +466,7 @@ mod tests {
         ) {
             let parts: Vec<_> = sizes.iter().map(|(rows, cols)| random_map(*rows, *cols, seed)).collect();
             let maps: Vec<_> = parts.iter().map(|(map, labels)| LabeledMap { name: "m", map, known: Known::Classes(labels) }).collect();
-            let tiles = cut(&maps, &TileConfig { size: 8, stride, min_labeled: 1 }).expect("one labeled cell each");
+            let tiles = cut(&maps, &TileConfig { size: 8, stride, min_labeled: 1, ..TileConfig::default() }).expect("one labeled cell each");
             for (index, (map, labels)) in parts.iter().enumerate() {
                 let (rows, cols) = (map.free().rows(), map.free().cols());
                 let stitched = tiles.stitch(index, rows, cols).expect("windows agree");

@@ -32,8 +32,10 @@ impl Order {
 pub struct Batch {
     /// Edge of a window in cells.
     pub size: usize,
-    /// 1 for free and 0 for blocked cells; shape [samples, size, size].
-    pub occupancy: Vec<u8>,
+    /// Number of planes that are shown of each cell.
+    pub planes: usize,
+    /// Codes of each plane, the first with 1 for free and 0 for blocked cells; shape [samples, planes, size, size].
+    pub images: Vec<u8>,
     /// What is to be learned; shape [samples, size, size].
     pub target: Target,
 }
@@ -42,19 +44,27 @@ impl Batch {
     /// Makes a batch without samples of some tiles.
     #[must_use]
     pub fn of(tiles: &Tiles) -> Self {
-        Self { size: tiles.size, occupancy: Vec::new(), target: tiles.target.emptied() }
+        let planes = 1 + tiles.besides.len();
+        Self { size: tiles.size, planes, images: Vec::new(), target: tiles.target.emptied() }
     }
 
     /// Returns the number of samples.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.occupancy.len() / (self.size * self.size).max(1)
+        self.images.len() / (self.planes * self.size * self.size).max(1)
     }
 
     /// Tells whether there are no samples.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
+    }
+
+    /// Returns the planes of one sample.
+    #[must_use]
+    pub fn image(&self, sample: usize) -> &[u8] {
+        let codes = self.planes * self.size * self.size;
+        &self.images[sample * codes..][..codes]
     }
 
     /// Fills the batch with samples of the tiles that it was made of, turning and mirroring their windows on the way.
@@ -64,15 +74,17 @@ impl Batch {
     pub fn fill(&mut self, tiles: &Tiles, samples: &[u32]) {
         self.size = tiles.size;
         let samples: Vec<_> = samples.iter().map(|sample| tiles.sample(*sample as usize)).collect();
-        turn(&mut self.occupancy, &tiles.occupancy, tiles.size, &samples);
+        for (plane, codes) in std::iter::once(&tiles.occupancy).chain(tiles.besides.values()).enumerate() {
+            turn(&mut self.images, codes, tiles.size, &samples, [plane, self.planes]);
+        }
         match (&mut self.target, &tiles.target) {
             (Target::Classes { labels, .. }, Target::Classes { labels: all, .. }) => {
-                turn(labels, all, tiles.size, &samples);
+                turn(labels, all, tiles.size, &samples, [0, 1]);
             }
             (Target::Ranks { rank, density }, Target::Ranks { rank: all_ranks, density: all_densities }) => {
-                turn(rank, all_ranks, tiles.size, &samples);
+                turn(rank, all_ranks, tiles.size, &samples, [0, 1]);
                 if let (Some(density), Some(all)) = (density, all_densities) {
-                    turn(density, all, tiles.size, &samples);
+                    turn(density, all, tiles.size, &samples, [0, 1]);
                 }
             }
             _ => unreachable!("a batch has the target of its tiles"),
@@ -80,18 +92,27 @@ impl Batch {
     }
 }
 
-/// Copies windows, each turned and mirrored by its transform.
-fn turn<T: Copy + Default + Send + Sync>(out: &mut Vec<T>, all: &[T], size: usize, samples: &[(usize, Transform)]) {
+/// Copies windows, each turned and mirrored by its transform, to where one of so many planes lies.
+fn turn<T: Copy + Default + Send + Sync>(
+    out: &mut Vec<T>,
+    all: &[T],
+    size: usize,
+    samples: &[(usize, Transform)],
+    [plane, planes]: [usize; 2],
+) {
     let cells = size * size;
-    out.resize(samples.len() * cells, T::default());
-    out.par_chunks_exact_mut(cells).zip(samples).for_each(|(out, (window, transform))| {
-        transform.apply(size, &all[window * cells..][..cells], out);
+    out.resize(samples.len() * planes * cells, T::default());
+    out.par_chunks_exact_mut(planes * cells).zip(samples).for_each(|(out, (window, transform))| {
+        transform.apply(size, &all[window * cells..][..cells], &mut out[plane * cells..][..cells]);
     });
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
+    use crate::domain::planes::Plane;
     use crate::domain::tiles::Transform;
 
     fn tiles() -> Tiles {
@@ -101,6 +122,7 @@ mod tests {
             maps: vec!["hall".to_owned()],
             origin: vec![(0, 0, 0), (0, 0, 8)],
             occupancy: (0..cells).map(|i| u8::from(i % 3 == 0)).collect(),
+            besides: BTreeMap::from([(Plane::Paths, (0..cells).map(|i| i as u8).collect())]),
             target: Target::Classes { classes: 3, labels: (0..cells).map(|i| (i % 5) as i8 - 1).collect() },
             labeled_share: vec![0.6; 2],
         }
@@ -137,14 +159,12 @@ mod tests {
             out
         };
         for (i, (window, transform)) in [(1, Transform::ALL[3]), (0, Transform::ALL[6])].into_iter().enumerate() {
-            let (mut occupancy, mut labels) = ([0; 64], [0; 64]);
-            transform.apply(8, classes.occupancy_of(window), &mut occupancy);
+            let (mut image, mut labels) = ([0; 128], [0; 64]);
+            transform.apply(8, classes.occupancy_of(window), &mut image[..64]);
+            transform.apply(8, &classes.besides[&Plane::Paths][window * 64..][..64], &mut image[64..]);
             transform.apply(8, &all[window * 64..][..64], &mut labels);
             let part = i * 64..(i + 1) * 64;
-            assert_eq!(
-                (&labeled.occupancy[part.clone()], &ranked.occupancy[part.clone()]),
-                (&occupancy[..], &occupancy[..])
-            );
+            assert_eq!((labeled.image(i), ranked.image(i)), (&image[..], &image[..]));
             let Target::Classes { labels: found, .. } = &labeled.target else { panic!("classes") };
             assert_eq!(found[part.clone()], labels);
             let Target::Ranks { rank: found, density: Some(densities) } = &ranked.target else { panic!("ranks") };

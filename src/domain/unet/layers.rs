@@ -11,6 +11,7 @@ use std::ops::Range;
 
 use super::UnetError;
 use super::architecture::Architecture;
+use crate::domain::planes::Plane;
 
 /// Values with a shape, in row-major order.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +28,7 @@ pub type Arrays = BTreeMap<String, Array>;
 /// What a convolution reads; a feature map goes by the number of the layer that makes it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Input {
-    /// The cells of the floor plan.
+    /// The cells of the floor plan, a channel for each plane.
     Cells,
     /// A map as it is.
     Map(usize),
@@ -83,15 +84,19 @@ impl Layer {
 /// decoder for each encoder but the first, from the lowest, with as many outputs as the level above is wide; a 1×1 `head`
 /// on the first level. A level's second convolution is called `encoder1_2`. All but the head have 3×3 taps and a ReLU.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Layers(Vec<Layer>);
+pub struct Layers {
+    layers: Vec<Layer>,
+    besides: Vec<Plane>,
+}
 
 impl Layers {
-    /// Lays out the parameters of a network with so many numbers for each cell.
+    /// Lays out the parameters of a network that is shown some planes besides whether cells are free, and computes so many
+    /// numbers for each cell.
     #[must_use]
-    pub fn new(network: &Architecture, outputs: usize) -> Self {
+    pub fn new(network: &Architecture, besides: &[Plane], outputs: usize) -> Self {
         let widths: Vec<usize> = network.widths.iter().map(|width| *width as usize).collect();
         let convolutions = network.convolutions as usize;
-        let mut layers = Self(Vec::new());
+        let mut layers = Self { layers: Vec::new(), besides: besides.to_vec() };
         let mut skipped: Vec<usize> = Vec::new();
         for (depth, width) in widths.iter().enumerate() {
             let input = skipped.last().map_or(Input::Cells, |map| Input::Halved(*map));
@@ -118,19 +123,42 @@ impl Layers {
 
     fn push(&mut self, name: String, input: Input, outputs: usize, taps: usize, depth: usize) -> usize {
         let inputs = match input {
-            Input::Cells => 1,
-            Input::Map(map) | Input::Halved(map) => self.0[map].outputs,
-            Input::Joined { small, skipped } => self.0[small].outputs + self.0[skipped].outputs,
+            Input::Cells => self.planes(),
+            Input::Map(map) | Input::Halved(map) => self.layers[map].outputs,
+            Input::Joined { small, skipped } => self.layers[small].outputs + self.layers[skipped].outputs,
         };
         let start = self.parameters();
-        self.0.push(Layer { name, input, inputs, outputs, taps, depth, start });
-        self.0.len() - 1
+        self.layers.push(Layer { name, input, inputs, outputs, taps, depth, start });
+        self.layers.len() - 1
     }
 
     /// Returns the layers in the order of their parameters; the last is the head.
     #[must_use]
     pub fn all(&self) -> &[Layer] {
-        &self.0
+        &self.layers
+    }
+
+    /// Returns what the network is shown besides whether cells are free.
+    #[must_use]
+    pub fn besides(&self) -> &[Plane] {
+        &self.besides
+    }
+
+    /// Returns the number of planes that the network is shown; the first says whether cells are free.
+    #[must_use]
+    pub fn planes(&self) -> usize {
+        1 + self.besides.len()
+    }
+
+    /// Returns for each plane the number that a code of 1 stands for.
+    pub fn units(&self) -> impl ExactSizeIterator<Item = f32> + Clone {
+        (0..self.planes()).map(|plane| if plane == 0 { 1.0 } else { 1.0 / f32::from(self.besides[plane - 1].most()) })
+    }
+
+    /// Returns the numbers that images of codes stand for, shape [images, planes, rows, cols] with `cells` = rows · cols.
+    pub(super) fn numbers(&self, images: &[u8], cells: usize) -> Vec<f32> {
+        let planes = images.chunks_exact(cells).zip(self.units().cycle());
+        planes.flat_map(|(codes, unit)| codes.iter().map(move |code| f32::from(*code) * unit)).collect()
     }
 
     /// Returns the last layer.
@@ -139,13 +167,13 @@ impl Layers {
     /// Never: a network has a head.
     #[must_use]
     pub fn head(&self) -> &Layer {
-        self.0.last().expect("a network has a head")
+        self.layers.last().expect("a network has a head")
     }
 
     /// Returns the number of parameters: 424,932 for the paper's network with three classes and the obstacle.
     #[must_use]
     pub fn parameters(&self) -> usize {
-        self.0.last().map_or(0, |layer| layer.bias().end)
+        self.layers.last().map_or(0, |layer| layer.bias().end)
     }
 
     /// Computes how far from a cell the network sees, in cells to every side: what lies beyond does not matter to it.
@@ -155,7 +183,7 @@ impl Layers {
     #[must_use]
     pub fn sight(&self) -> usize {
         let mut sight: Vec<usize> = Vec::new();
-        for layer in &self.0 {
+        for layer in &self.layers {
             let (pixel, around) = (1 << layer.depth, layer.taps / 2);
             sight.push(match layer.input {
                 Input::Cells => around,
@@ -173,7 +201,7 @@ impl Layers {
     #[must_use]
     pub fn edge(&self) -> usize {
         let mut edge: Vec<usize> = Vec::new();
-        for layer in &self.0 {
+        for layer in &self.layers {
             let around = layer.taps / 2;
             edge.push(match layer.input {
                 Input::Cells => around,
@@ -244,7 +272,7 @@ mod tests {
     use super::*;
 
     fn paper(classes: usize) -> Layers {
-        Layers::new(&Architecture::paper(), classes + 1)
+        Layers::new(&Architecture::paper(), &[], classes + 1)
     }
 
     #[test]
@@ -269,7 +297,7 @@ mod tests {
 
     #[test]
     fn levels_have_as_many_convolutions_as_they_are_told() {
-        let layers = Layers::new(&Architecture { widths: vec![16, 32, 48, 64], convolutions: 2 }, 1);
+        let layers = Layers::new(&Architecture { widths: vec![16, 32, 48, 64], convolutions: 2 }, &[], 1);
         let names: Vec<_> = layers.all().iter().map(|layer| layer.name.as_str()).collect();
         assert_eq!(names[..4], ["encoder1", "encoder1_2", "encoder2", "encoder2_2"]);
         assert_eq!(
@@ -299,7 +327,7 @@ mod tests {
     #[test]
     fn sight_and_edge_follow_from_the_layers() {
         assert_eq!((paper(3).sight(), paper(3).edge()), (28, 22));
-        let deep = Layers::new(&Architecture::deep(), 1);
+        let deep = Layers::new(&Architecture::deep(), &[], 1);
         assert_eq!(deep.sight(), 1 + 2 + 4 + 8 + 16 + 32 + 32 + 16 + 8 + 4 + 1);
         assert_eq!(deep.edge(), 2 * (2 * (2 * (2 * (2 * 2 + 1) + 1) + 1) + 1));
     }

@@ -13,6 +13,7 @@ use super::model::{self, UNet};
 use super::outputs::Outputs;
 use super::tally::Tally;
 use super::{UnetError, ops};
+use crate::domain::planes::Plane;
 use crate::domain::tiles::Target;
 
 /// Adam's decay of the mean of gradients.
@@ -39,12 +40,13 @@ impl Learner {
     /// Draws a new network; classes have one of `weights` each.
     pub(super) fn new(
         architecture: &Architecture,
+        besides: &[Plane],
         outputs: Outputs,
         compute: &Compute,
         weights: Vec<f32>,
         seed: u64,
     ) -> Self {
-        let layers = Layers::new(architecture, outputs.count());
+        let layers = Layers::new(architecture, besides, outputs.count());
         let parameters = UNet::init(&layers, seed, compute.device()).parameters();
         let adam = AdamConfig::new().with_beta_1(BETA_1).with_beta_2(BETA_2).with_epsilon(EPSILON).build();
         Self {
@@ -128,8 +130,10 @@ impl Learner {
     fn plain_loss(&self, parameters: &Tensor<1>, batch: &Batch) -> (Tensor<1>, Tally) {
         let shape = [batch.len(), 1, batch.size, batch.size];
         let tensor = |values: Vec<f32>| Tensor::<4>::from_data(TensorData::new(values, shape), self.compute.device());
-        let occupancy = tensor(batch.occupancy.iter().map(|free| f32::from(*free)).collect());
-        let logits = model::logits(&self.layers, parameters, &occupancy);
+        let planes = self.layers.numbers(&batch.images, batch.size * batch.size);
+        let planes = TensorData::new(planes, [batch.len(), self.layers.planes(), batch.size, batch.size]);
+        let planes = Tensor::<4>::from_data(planes, self.compute.device());
+        let logits = model::logits(&self.layers, parameters, &planes);
         match &batch.target {
             Target::Classes { labels, .. } => {
                 let tally = self.tally_classes(&logits, labels);

@@ -58,19 +58,19 @@ impl UNet {
         self.parameters.val()
     }
 
-    /// Computes the numbers of every cell from occupancy, with burn's own operations.
+    /// Computes the numbers of every cell from what is shown of it, with burn's own operations.
     ///
-    /// Input [batch, 1, rows, columns] with 1 for free and 0 for blocked cells, rows and columns multiples of the network's
+    /// Input [batch, planes, rows, columns], the first plane with 1 for free and 0 for blocked cells, rows and columns multiples of the network's
     /// [period](super::Architecture::period); output [batch, outputs, rows, columns], not yet probabilities.
     #[must_use]
-    pub fn forward(&self, occupancy: Tensor<4>) -> Tensor<4> {
-        logits(&self.layers, &self.parameters(), &occupancy)
+    pub fn forward(&self, planes: Tensor<4>) -> Tensor<4> {
+        logits(&self.layers, &self.parameters(), &planes)
     }
 
     /// Computes what the [logits](Self::forward) say: probabilities of classes, or ranks and densities, of the same shape.
     #[must_use]
-    pub fn predict(&self, outputs: Outputs, occupancy: Tensor<4>) -> Tensor<4> {
-        let logits = self.forward(occupancy);
+    pub fn predict(&self, outputs: Outputs, planes: Tensor<4>) -> Tensor<4> {
+        let logits = self.forward(planes);
         match outputs {
             Outputs::Classes(_) => softmax(logits, 1),
             Outputs::Ranks { density: false } => sigmoid(logits),
@@ -83,11 +83,11 @@ impl UNet {
 }
 
 /// Computes the network's logits from the flat vector of its parameters.
-pub(super) fn logits(layers: &Layers, parameters: &Tensor<1>, occupancy: &Tensor<4>) -> Tensor<4> {
+pub(super) fn logits(layers: &Layers, parameters: &Tensor<1>, planes: &Tensor<4>) -> Tensor<4> {
     let mut maps: Vec<Tensor<4>> = Vec::new();
     for layer in layers.all() {
         let input = match layer.input {
-            Input::Cells => occupancy.clone(),
+            Input::Cells => planes.clone(),
             Input::Map(map) => maps[map].clone(),
             Input::Halved(map) => halve(maps[map].clone()),
             Input::Joined { small, skipped } => {

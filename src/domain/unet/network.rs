@@ -8,6 +8,7 @@ use super::layers::{Arrays, Layers};
 use super::model::UNet;
 use super::outputs::Outputs;
 use super::{UnetError, ops};
+use crate::domain::planes::Plane;
 
 /// Images that burn's own operations work on at once; more only need more memory.
 const PLAIN_BATCH: usize = 16;
@@ -29,11 +30,12 @@ impl Network {
     /// [`UnetError`] if an array is missing or of another shape.
     pub fn new(
         architecture: &Architecture,
+        besides: &[Plane],
         outputs: Outputs,
         model: &Arrays,
         compute: &Compute,
     ) -> Result<Self, UnetError> {
-        let layers = Layers::new(architecture, outputs.count());
+        let layers = Layers::new(architecture, besides, outputs.count());
         let flat = layers.from_arrays(model, "")?;
         let kernels = compute.kernels().map(|simd| ops::Predictor::new(&layers, outputs, &flat, simd));
         let model = UNet::from_parameters(&layers, flat, compute.device());
@@ -68,7 +70,8 @@ impl Network {
 
     /// Computes the [outputs](Self::outputs) in every cell of `n` images of `rows` × `cols` cells.
     ///
-    /// `images` has 1 for free and 0 for blocked cells, shape [n, rows, cols]; `out` gets [n, rows, cols, outputs]: the
+    /// `images` has the codes of each plane, shape [n, planes, rows, cols], of which the first has 1 for free and 0 for
+    /// blocked cells and the others are those [besides](Layers::besides); `out` gets [n, rows, cols, outputs]: the
     /// probability of every class, class 0 being the obstacle, or rank and density. Beyond its edge an image counts as
     /// blocked (zero padding).
     ///
@@ -77,13 +80,14 @@ impl Network {
     pub fn predict(&self, images: &[u8], rows: usize, cols: usize, n: usize, out: &mut [f32]) {
         let (period, outputs) = (self.period, self.outputs.count());
         assert!(rows.is_multiple_of(period) && cols.is_multiple_of(period), "images can be halved at every level");
-        assert_eq!(images.len(), n * rows * cols, "one value for each cell");
-        assert_eq!(out.len(), images.len() * outputs, "so many numbers for each cell");
+        let planes = self.layers.planes();
+        assert_eq!(images.len(), n * planes * rows * cols, "one code for each plane of each cell");
+        assert_eq!(out.len(), n * rows * cols * outputs, "so many numbers for each cell");
         match &self.kernels {
             Some(kernels) => kernels.predict(images, rows, cols, out),
             None => {
                 let cells = rows * cols;
-                let batches = images.chunks(PLAIN_BATCH * cells);
+                let batches = images.chunks(PLAIN_BATCH * planes * cells);
                 for (images, out) in batches.zip(out.chunks_mut(PLAIN_BATCH * cells * outputs)) {
                     self.plain(images, rows, cols, out);
                 }
@@ -92,10 +96,11 @@ impl Network {
     }
 
     fn plain(&self, images: &[u8], rows: usize, cols: usize, out: &mut [f32]) {
-        let shape = [images.len() / (rows * cols), 1, rows, cols];
-        let occupancy: Vec<f32> = images.iter().map(|free| f32::from(*free)).collect();
-        let occupancy = Tensor::from_data(TensorData::new(occupancy, shape), self.compute.device());
-        let predicted = self.model.predict(self.outputs, occupancy).permute([0, 2, 3, 1]);
+        let (planes, cells) = (self.layers.planes(), rows * cols);
+        let shape = [images.len() / (planes * cells), planes, rows, cols];
+        let numbers = TensorData::new(self.layers.numbers(images, cells), shape);
+        let planes = Tensor::from_data(numbers, self.compute.device());
+        let predicted = self.model.predict(self.outputs, planes).permute([0, 2, 3, 1]);
         out.copy_from_slice(&predicted.into_data().try_into_vec::<f32>().expect("predictions are f32"));
     }
 }

@@ -220,7 +220,7 @@ impl<'a> Trainer<'a> {
         Ok(Self {
             tiles,
             outputs,
-            learner: Learner::new(&config.network, outputs, compute, weights, seed),
+            learner: Learner::new(&config.network, &tiles.planes(), outputs, compute, weights, seed),
             config: config.clone(),
             seed,
             epoch: 0,

@@ -80,11 +80,11 @@ impl Predictor {
         Self { simd, outputs, parameters, workspaces: Pool::default() }
     }
 
-    /// Predicts images of `rows` × `cols` cells: [image, rows, cols, outputs].
+    /// Predicts images of codes, [image, planes, rows, cols]: [image, rows, cols, outputs].
     pub(super) fn predict(&self, images: &[u8], rows: usize, cols: usize, out: &mut [f32]) {
         let cells = rows * cols;
         let out = out.par_chunks_exact_mut(cells * self.parameters.layers.head().outputs);
-        images.par_chunks_exact(cells).zip(out).for_each(|(image, out)| {
+        images.par_chunks_exact(cells * self.parameters.layers.planes()).zip(out).for_each(|(image, out)| {
             let image = (image, rows, cols);
             self.workspaces.with(|workspace| workspace.predict(self.simd, &self.parameters, image, self.outputs, out));
         });
@@ -115,8 +115,8 @@ impl Pass {
             workspaces.with(|workspace| {
                 for image in shard * share..((shard + 1) * share).min(batch.len()) {
                     let of = image * cells..(image + 1) * cells;
-                    let goal = Goal::of(&batch.target, of.clone(), weights, (1.0 / total) as f32);
-                    let image = (&batch.occupancy[of], batch.size, batch.size);
+                    let goal = Goal::of(&batch.target, of, weights, (1.0 / total) as f32);
+                    let image = (batch.image(image), batch.size, batch.size);
                     workspace.learn(simd, parameters, image, goal, gradients);
                 }
             });

@@ -17,7 +17,7 @@ use crate::domain::unet::outputs::Outputs;
 /// The feature maps of one image and their gradients; buffers that are used again for the next image.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Workspace {
-    /// The nine cells around each cell.
+    /// The nine cells around each cell, of each plane.
     patches: Image,
     /// The map of each layer; the last are the logits, later their gradient, with padding for channels beyond the outputs.
     maps: Vec<Image>,
@@ -66,13 +66,13 @@ impl Workspace {
         self.backward(simd, parameters, gradients);
     }
 
-    /// Computes the logits of an image of `rows` × `cols` cells.
+    /// Computes the logits of an image: codes, shape [planes, rows, cols].
     fn forward(&mut self, simd: Simd, parameters: &Parameters, (cells, rows, cols): (&[u8], usize, usize)) {
         let layers = parameters.layers.all();
         for buffers in [&mut self.maps, &mut self.halved, &mut self.map_gradients, &mut self.halved_gradients] {
             buffers.resize_with(layers.len(), Image::default);
         }
-        unfold(cells, rows, cols, &mut self.patches);
+        unfold(cells, [rows, cols], parameters.layers.units(), &mut self.patches);
         for (number, layer) in layers.iter().enumerate() {
             let outputs = if layer.taps > 1 { layer.outputs } else { parameters.head_outputs() };
             let (before, output) = self.maps.split_at_mut(number);

@@ -116,19 +116,27 @@ fn sum_rows(image: &Image, halved: &mut Image) {
     }
 }
 
-/// Writes the nine cells around each cell side by side, so that the first convolution, which has one input channel,
-/// becomes one tap of nine.
-pub(super) fn unfold(occupancy: &[u8], rows: usize, cols: usize, patches: &mut Image) {
-    patches.resize(rows, cols, 9);
-    for row in 0..rows {
-        let out = patches.row_mut(row);
-        for (i, from) in (row..row + 3).map(|above| above.checked_sub(1).filter(|from| *from < rows)).enumerate() {
-            let line = from.map(|from| &occupancy[from * cols..][..cols]);
-            let at = |col: Option<usize>| line.and_then(|line| line.get(col?)).map_or(0.0, |free| f32::from(*free));
-            for (col, patch) in out.chunks_exact_mut(9).enumerate() {
-                patch[3 * i] = at(col.checked_sub(1));
-                patch[3 * i + 1] = at(Some(col));
-                patch[3 * i + 2] = at(Some(col + 1));
+/// Writes the nine cells around each cell side by side, `[tap][plane]`, so that the first convolution, which has few input
+/// channels, becomes one tap of many. `codes` are [plane, rows, cols]; `units` has what a code of 1 of each plane stands for.
+pub(super) fn unfold(
+    codes: &[u8],
+    [rows, cols]: [usize; 2],
+    units: impl ExactSizeIterator<Item = f32>,
+    patches: &mut Image,
+) {
+    let planes = units.len();
+    patches.resize(rows, cols, 9 * planes);
+    for ((plane, unit), codes) in units.enumerate().zip(codes.chunks_exact(rows * cols)) {
+        for row in 0..rows {
+            let out = patches.row_mut(row);
+            for (i, from) in (row..row + 3).map(|above| above.checked_sub(1).filter(|from| *from < rows)).enumerate() {
+                let line = from.map(|from| &codes[from * cols..][..cols]);
+                let at = |col: Option<usize>| line.and_then(|line| line.get(col?)).map_or(0, |code| *code);
+                for (col, patch) in out.chunks_exact_mut(9 * planes).enumerate() {
+                    for (j, col) in [col.checked_sub(1), Some(col), Some(col + 1)].into_iter().enumerate() {
+                        patch[(3 * i + j) * planes + plane] = f32::from(at(col)) * unit;
+                    }
+                }
             }
         }
     }

@@ -5,6 +5,7 @@ use super::correlation::{Correlation, correlate};
 use super::image::{Image, PHASES};
 use super::pooling::{halve, unhalve};
 use super::*;
+use crate::domain::planes::Plane;
 use crate::domain::random::Stream;
 use crate::domain::tiles::Target;
 use crate::domain::unet::architecture::Architecture;
@@ -150,7 +151,7 @@ fn double(image: &Image) -> Image {
 /// gradients of input and weights.
 #[test]
 fn phases_are_the_convolution_of_a_doubled_image() {
-    let layers = Layers::new(&Architecture::paper(), 4);
+    let layers = Layers::new(&Architecture::paper(), &[], 4);
     let number = layers.all().iter().position(|layer| layer.name == "decoder2").expect("there is one");
     let layer = &layers.all()[number];
     let flat = random(layers.parameters(), 1);
@@ -209,12 +210,18 @@ fn phases_are_the_convolution_of_a_doubled_image() {
     }
 }
 
-fn batch(size: usize, samples: usize, classes: usize) -> Batch {
+/// Random windows: whether cells are free, and codes of some planes besides.
+fn batch(size: usize, samples: usize, classes: usize, besides: &[Plane]) -> Batch {
     let mut stream = Stream::new(9, &[0; 32], 0, "ops/test");
     let cells = samples * size * size;
     Batch {
         size,
-        occupancy: (0..cells).map(|_| u8::from(stream.unit() > 0.4)).collect(),
+        planes: 1 + besides.len(),
+        images: (0..samples)
+            .flat_map(|_| std::iter::once(1).chain(besides.iter().map(|plane| plane.most())))
+            .flat_map(|most| vec![most; size * size])
+            .map(|most| if most > 1 { stream.below(256) as u8 } else { u8::from(stream.unit() > 0.4) })
+            .collect(),
         target: Target::Classes {
             classes: classes as u8,
             labels: (0..cells).map(|_| stream.below(classes + 2) as i8 - 1).collect(),
@@ -225,15 +232,15 @@ fn batch(size: usize, samples: usize, classes: usize) -> Batch {
 /// The same images with ranks, and densities if asked for.
 fn ranked(batch: &Batch, density: bool) -> Batch {
     let mut stream = Stream::new(10, &[0; 32], 0, "ops/test");
-    let rank: Vec<f32> =
-        batch.occupancy.iter().map(|free| if *free > 0 { stream.unit() as f32 } else { -1.0 }).collect();
+    let free = (0..batch.len()).flat_map(|sample| &batch.image(sample)[..batch.size * batch.size]);
+    let rank: Vec<f32> = free.map(|free| if *free > 0 { stream.unit() as f32 } else { -1.0 }).collect();
     let density = density.then(|| rank.iter().map(|rank| 3.0 * rank.max(0.0)).collect());
     Batch { target: Target::Ranks { rank, density }, ..batch.clone() }
 }
 
-fn learner(network: &Architecture, compute: &Compute, outputs: Outputs) -> Learner {
+fn learner(network: &Architecture, besides: &[Plane], compute: &Compute, outputs: Outputs) -> Learner {
     let weights = (0..outputs.classes()).map(|class| 0.1 + class as f32 * 0.3).collect();
-    Learner::new(network, outputs, compute, weights, 11)
+    Learner::new(network, besides, outputs, compute, weights, 11)
 }
 
 /// The paper's network, and others that differ in all that an architecture can say.
@@ -257,15 +264,17 @@ fn loss_and_gradients_are_those_of_burns_own_operations() {
     let flat = |gradient: Tensor<1>| gradient.into_data().try_into_vec::<f32>().expect("f32");
     let [paper, other, double] = &architectures();
     let batches = [(paper, 8, 1, 1), (paper, 16, 11, 3), (paper, 24, 9, 16), (other, 32, 9, 3), (double, 16, 9, 3)]
-        .map(|(network, size, samples, classes)| (network, batch(size, samples, classes)));
-    let [plain, dense] = [false, true].map(|density| (paper, ranked(&batch(16, 11, 3), density)));
-    for (network, batch) in batches.into_iter().chain([plain, dense]) {
+        .map(|(network, size, samples, classes)| (network, &[][..], batch(size, samples, classes, &[])));
+    let [plain, dense] = [false, true].map(|density| (paper, &[][..], ranked(&batch(16, 11, 3, &[]), density)));
+    let shown = (double, &Plane::ALL[..], ranked(&batch(16, 9, 3, &Plane::ALL), true));
+    for (network, besides, batch) in batches.into_iter().chain([plain, dense, shown]) {
         let (size, samples, outputs) = (batch.size, batch.len(), Outputs::of(&batch.target));
-        let plain = learner(network, &Compute::plain(DeviceName::Flex).expect("everywhere"), outputs);
+        let plain = learner(network, besides, &Compute::plain(DeviceName::Flex).expect("everywhere"), outputs);
         let (loss, gradient, tally) = plain.gradient(&batch);
         let gradient = flat(gradient);
         for simd in available() {
-            let own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), outputs);
+            let compute = Compute::new(DeviceName::Flex, Some(simd)).expect("available");
+            let own = learner(network, besides, &compute, outputs);
             let (own_loss, own_gradient, own_tally) = own.gradient(&batch);
             assert!((own_loss - loss).abs() < 2e-6 * loss, "{simd}: {own_loss} instead of {loss}");
             assert_eq!(
@@ -275,7 +284,7 @@ fn loss_and_gradients_are_those_of_burns_own_operations() {
             );
             assert_eq!(own_tally.ranked, tally.ranked);
             assert!((own_tally.error - tally.error).abs() <= 1e-5 * tally.error, "{simd}");
-            let worst = difference(&Layers::new(network, outputs.count()), &gradient, &flat(own_gradient));
+            let worst = difference(&Layers::new(network, besides, outputs.count()), &gradient, &flat(own_gradient));
             println!("{simd}, {samples} images of {size}²: gradients differ by {worst:e} of the largest");
             assert!(worst < 2e-5, "{simd}: {worst}");
         }
@@ -284,20 +293,24 @@ fn loss_and_gradients_are_those_of_burns_own_operations() {
 
 #[test]
 fn gradients_are_differences_of_the_loss() {
-    let classes = batch(32, 4, 3);
-    let ranks = ranked(&classes, true);
+    let classes = batch(32, 4, 3, &[]);
+    let ranks = ranked(&batch(32, 4, 3, &[Plane::Paths]), true);
     let [paper, other, double] = &architectures();
-    let cases = [(paper, &classes), (other, &classes), (double, &classes), (paper, &ranks)];
-    for ((network, batch), simd) in cases.into_iter().flat_map(|case| available().map(move |simd| (case, simd))) {
+    let (none, paths) = (&[][..], &[Plane::Paths][..]);
+    let cases = [(paper, none, &classes), (other, none, &classes), (double, none, &classes), (paper, paths, &ranks)];
+    for ((network, besides, batch), simd) in
+        cases.into_iter().flat_map(|case| available().map(move |simd| (case, simd)))
+    {
         let outputs = Outputs::of(&batch.target);
-        let mut own = learner(network, &Compute::new(DeviceName::Flex, Some(simd)).expect("available"), outputs);
+        let compute = Compute::new(DeviceName::Flex, Some(simd)).expect("available");
+        let mut own = learner(network, besides, &compute, outputs);
         // New biases are zero, which in blocked regions is right where ReLU has no derivative.
         for _ in 0..4 {
             own.learn(batch, 0.001);
         }
         let (_, gradient, _) = own.gradient(batch);
         let gradient = gradient.into_data().try_into_vec::<f32>().expect("f32");
-        let layers = Layers::new(network, outputs.count());
+        let layers = Layers::new(network, besides, outputs.count());
         let mut stream = Stream::new(3, &[0; 32], 0, "ops/differences");
         for layer in layers.all() {
             for part in [layer.weights(), layer.bias()] {
@@ -320,22 +333,24 @@ fn gradients_are_differences_of_the_loss() {
 fn predictions_are_those_of_burns_own_operations() {
     let [paper, other, double] = &architectures();
     let classes = Outputs::Classes;
-    for (network, rows, cols, outputs) in [
-        (paper, 8, 8, classes(3)),
-        (paper, 64, 64, classes(3)),
-        (paper, 24, 40, classes(2)),
-        (paper, 16, 136, classes(20)),
-        (other, 32, 48, classes(3)),
-        (double, 24, 40, Outputs::Ranks { density: false }),
-        (paper, 24, 40, Outputs::Ranks { density: true }),
+    let (none, paths) = (&[][..], &[Plane::Paths][..]);
+    for (network, rows, cols, besides, outputs) in [
+        (paper, 8, 8, none, classes(3)),
+        (paper, 64, 64, none, classes(3)),
+        (paper, 24, 40, none, classes(2)),
+        (paper, 16, 136, none, classes(20)),
+        (other, 32, 48, none, classes(3)),
+        (double, 24, 40, paths, Outputs::Ranks { density: false }),
+        (paper, 24, 40, &Plane::ALL, Outputs::Ranks { density: true }),
     ] {
         let mut stream = Stream::new(4, &[0; 32], 0, "ops/predict");
-        let images: Vec<u8> = (0..3 * rows * cols).map(|_| u8::from(stream.unit() > 0.3)).collect();
+        let cells = 3 * rows * cols;
+        let images: Vec<u8> = (0..cells * (1 + besides.len())).map(|_| u8::from(stream.unit() > 0.3)).collect();
         let plain = Compute::plain(DeviceName::Flex).expect("everywhere");
-        let arrays = learner(network, &plain, outputs).model();
+        let arrays = learner(network, besides, &plain, outputs).model();
         let predict = |compute: &Compute| {
-            let mut out = vec![0.0; images.len() * outputs.count()];
-            let network = Network::new(network, outputs, &arrays, compute).expect("complete");
+            let mut out = vec![0.0; cells * outputs.count()];
+            let network = Network::new(network, besides, outputs, &arrays, compute).expect("complete");
             network.predict(&images, rows, cols, 3, &mut out);
             out
         };
