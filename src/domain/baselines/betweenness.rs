@@ -125,7 +125,7 @@ pub fn criticality(
 }
 
 /// Draws open cells without repetition.
-pub(super) fn draw_sources(open: &Grid<bool>, count: usize, stream: &mut Stream) -> Vec<usize> {
+fn draw_sources(open: &Grid<bool>, count: usize, stream: &mut Stream) -> Vec<usize> {
     let mut cells: Vec<usize> = (0..open.len()).filter(|index| open.as_slice()[*index]).collect();
     let count = count.min(cells.len());
     for at in 0..count {
