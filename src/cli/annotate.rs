@@ -4,23 +4,24 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use super::crowd_args::{self, CrowdArgs};
 use super::error::CliError;
+use super::import_args::{ImportArgs, said};
+use super::model_files;
+use super::out_folder::OutFolder;
 use super::screen::Screen;
-use super::{model_files, paths};
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Mode, Normalize};
-use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Survey};
-use crate::kinds::{Checkpoint, Model, Placed, SingleFile};
+use crate::domain::map::{Imported, OccupancyMap};
+use crate::kinds::{Checkpoint, Heat, Model, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::bars::WorkBar;
-use crate::report::picture::{Scale, heat_picture};
+use crate::report::picture::{Picture, Scale, heat_picture};
 use crate::report::png;
-use crate::stages::import_map::{self, ImportMap};
-use crate::stages::map_origin::Origin;
 use crate::stages::{annotate, compute};
-use crate::store::write_whole;
 
 /// The files that it writes.
 const HEAT: &str = "heat.parquet";
+const SIMULATED: &str = "simulated.parquet";
 const MAP: &str = "map.parquet";
 const PICTURE: &str = "heat.png";
 
@@ -30,13 +31,15 @@ const RANKS_OFFSETS: u32 = 8;
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "It writes `heat.parquet` (one row a cell: heat, and what else the model says), `heat.png`, and `map.parquet`.
+    after_help = "It writes `heat.parquet` (one row a cell: heat, and what else the model says), `heat.png`, and `map.parquet`; with `--by both` \
+`simulated.parquet` besides.
 
 Maps of ROS are read as nav2 reads them, but for the gray value 205: `map_saver` writes it for unknown space, so it is unknown \
 whatever the thresholds say.
 
 Examples:
   trodden annotate my_map.yaml --out annotated
+  trodden annotate my_map.yaml --by both --out annotated
   trodden annotate plan.png --image-resolution 0.05 --out annotated
   trodden annotate Rs_int --floor 0 --region all --model artifacts/latest/quickstart/model --out annotated"
 )]
@@ -46,9 +49,12 @@ pub struct Args {
     /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model` [default: the model that trodden brings].
     #[arg(long)]
     model: Option<PathBuf>,
-    /// Folder to write to.
-    #[arg(long, short)]
-    out: PathBuf,
+    /// Who tells: the model, in moments, or people who are simulated on the map, in seconds; `both` shows them beside each
+    /// other.
+    #[arg(long, value_enum, default_value_t = By::Model)]
+    by: By,
+    #[command(flatten)]
+    out: OutFolder,
     /// `dense`: the whole map at once; `exact`: sliding windows, as the paper has it [default: dense; exact with --stride].
     #[arg(long, value_enum)]
     mode: Option<ModeName>,
@@ -66,53 +72,17 @@ pub struct Args {
     #[arg(long)]
     normalize: bool,
     #[command(flatten)]
+    crowd: CrowdArgs,
+    #[command(flatten)]
     import: ImportArgs,
 }
 
-/// How the map is read: what `files` and `igibson` of a pipeline file take too.
-#[derive(Debug, clap::Args)]
-#[command(next_help_heading = "How the map is read")]
-struct ImportArgs {
-    /// Edge of a pixel in meters, for a plain image.
-    #[arg(long, value_name = "METERS")]
-    image_resolution: Option<f64>,
-    /// Brightness from which on a pixel is free, as a share of white, for a plain image [default: 0.5].
-    #[arg(long, value_name = "SHARE")]
-    threshold: Option<f64>,
-    /// Occupancy up to which a pixel is free, instead of what the YAML of a map of ROS says.
-    #[arg(long, value_name = "SHARE")]
-    free_thresh: Option<f64>,
-    /// Occupancy from which on a pixel is occupied, instead of what the YAML of a map of ROS says.
-    #[arg(long, value_name = "SHARE")]
-    occupied_thresh: Option<f64>,
-    /// Black is free and white is occupied; `--negate=false` if the YAML of a map of ROS says so and is wrong.
-    #[arg(long, value_name = "BOOL", num_args = 0..=1, default_missing_value = "true", require_equals = true)]
-    negate: Option<bool>,
-    /// Number of the floor, for an iGibson scene [default: 0, or the only one].
-    #[arg(long, value_name = "NUMBER")]
-    floor: Option<u32>,
-    /// Edge of a cell of the result in meters; models are trained on cells of one size.
-    #[arg(long, value_name = "METERS", default_value_t = ImportConfig::default().resolution)]
-    resolution: f64,
-    /// Which of separate regions of free floor are kept: `largest` (that is not outdoors), `all`, or the one at `x,y`, in
-    /// meters in the frame of the map.
-    #[arg(long, default_value = "largest", allow_hyphen_values = true)]
-    region: Region,
-}
-
-impl ImportArgs {
-    const fn config(&self) -> ImportConfig {
-        ImportConfig {
-            resolution: self.resolution,
-            region: self.region,
-            image_resolution: self.image_resolution,
-            threshold: self.threshold,
-            occupied_thresh: self.occupied_thresh,
-            free_thresh: self.free_thresh,
-            negate: self.negate,
-            floor: self.floor,
-        }
-    }
+/// Who tells where people walk.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum By {
+    Model,
+    Simulation,
+    Both,
 }
 
 #[derive(Debug, Clone, Copy, clap::ValueEnum)]
@@ -123,63 +93,67 @@ enum ModeName {
 
 impl Args {
     pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        let mut config = self.config()?;
-        let import = self.importer()?;
-        self.check_outputs(&import)?;
+        self.check_options()?;
+        let (mut config, walks) = (self.config()?, self.crowd.walks()?);
+        let import = self.import.importer(&self.map)?;
+        let names: &[&str] = if self.by == By::Both { &[HEAT, SIMULATED, MAP, PICTURE] } else { &[HEAT, MAP, PICTURE] };
+        let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
+        inputs.extend(self.model.iter().flat_map(|model| Checkpoint::FILES.map(|name| model.join(name))));
+        self.out.check(names, &inputs)?;
         let model = self.model.as_deref().map_or_else(|| Ok(Model::shipped()), model_files::read)?;
         if let (Mode::Dense { offsets, .. }, None, None) = (&mut config.mode, self.offsets, model.config.counts()) {
             *offsets = RANKS_OFFSETS;
         }
         let name = import.origin().map_name();
         screen.remark(format!("annotating {}", import.origin().path().display()));
-        let mut bar = WorkBar::new("annotate", screen.color());
         let Imported { map, survey } = import.import()?;
-        bar.said(|| screen.remark(said(&survey)));
-        let compute = compute::open(config.device)?;
-        let mut progress = |done: usize, all: usize| {
-            bar.advance(done, all);
-            ControlFlow::Continue(())
+        screen.remark(said(&survey));
+        let place = |heat| Placed::new(*map.frame(), heat);
+        let simulated = || Ok::<_, CliError>(place(crowd_args::simulate(&map, &walks, screen)?));
+        let predicted = || Ok::<_, CliError>(place(predict(&map, &model, &config, screen)?));
+        let figure = |picture: &Picture, title: &str| png::figure(picture, Scale::Linear, title);
+        let (heat, besides, picture) = match self.by {
+            By::Model | By::Simulation => {
+                let heat = if self.by == By::Model { predicted()? } else { simulated()? };
+                let picture = figure(&heat_picture(&heat), &name);
+                (heat, None, picture)
+            }
+            By::Both => {
+                let (heat, walked) = (predicted()?, simulated()?);
+                let picture = heat_picture(&heat).beside(&heat_picture(&walked));
+                let picture = figure(&picture, &format!("{name}: predicted, and simulated"));
+                (heat, Some(walked), picture)
+            }
         };
-        let heat = Placed::new(*map.frame(), annotate::heat(&map, &model, &config, &compute, &mut progress)?);
-        drop(bar);
-        std::fs::create_dir_all(&self.out).map_err(|source| self.failed(&self.out, source))?;
-        self.write(HEAT, &heat.to_bytes()?, screen)?;
-        self.write(MAP, &map.to_bytes()?, screen)?;
-        self.write(PICTURE, &png::figure(&heat_picture(&heat), Scale::Linear, &name), screen)?;
+        let mut files = vec![(HEAT, heat.to_bytes()?)];
+        if let Some(walked) = besides {
+            files.push((SIMULATED, walked.to_bytes()?));
+        }
+        files.extend([(MAP, map.to_bytes()?), (PICTURE, picture)]);
+        self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }
 
-    /// Finds the map; refuses options that it has no use for.
-    fn importer(&self) -> Result<ImportMap, CliError> {
-        let config = self.import.config();
-        let origin = Origin::of(&self.map, &config)?;
-        if let Some(field) = config.unfit(origin.form()).first() {
-            let error = MapImportError::Unfit { field, form: origin.form() };
-            let option = format!("`--{}` does not fit {}", field.replace('_', "-"), origin.form());
-            return Err(match import_map::help(&error) {
-                Some(help) => CliError::advised(option, help),
-                None => CliError::request(option),
-            });
-        }
-        Ok(ImportMap::new(origin, config)?)
-    }
-
-    /// Refuses to write where the map, the model or something of the store is, through whatever links.
-    fn check_outputs(&self, import: &ImportMap) -> Result<(), CliError> {
-        let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
-        inputs.extend(self.model.iter().flat_map(|model| Checkpoint::FILES.map(|name| model.join(name))));
-        for output in [HEAT, MAP, PICTURE].map(|name| self.out.join(name)) {
-            let same = |input: &&PathBuf| paths::same_file(input, &output);
-            if let Some(input) = inputs.iter().find(same) {
-                let what = format!("`{}` would overwrite its source `{}`", output.display(), input.display());
-                return Err(CliError::advised(what, "choose another folder with `--out`"));
+    /// Refuses options that what is asked for has no use for.
+    fn check_options(&self) -> Result<(), CliError> {
+        let of_model = [
+            (self.model.is_some(), "--model"),
+            (self.mode.is_some(), "--mode"),
+            (self.stride.is_some(), "--stride"),
+            (self.offsets.is_some(), "--offsets"),
+            (self.augment.is_some(), "--augment"),
+            (self.normalize, "--normalize"),
+        ];
+        let (unfit, by, help) = match self.by {
+            By::Model => (self.crowd.given(), "model", "write `--by simulation` or `--by both`"),
+            By::Simulation => {
+                let given = of_model.into_iter().find_map(|(given, name)| given.then_some(name));
+                (given, "simulation", "write `--by model` or `--by both`")
             }
-            if std::fs::symlink_metadata(&output).is_ok_and(|metadata| metadata.is_symlink()) {
-                let what = format!("`{}` is a link to something else", output.display());
-                return Err(CliError::advised(what, "remove it, or choose another folder with `--out`"));
-            }
-        }
-        Ok(())
+            By::Both => return Ok(()),
+        };
+        let refuse = |option| Err(CliError::advised(format!("`{option}` does not fit `--by {by}`"), help));
+        unfit.map_or(Ok(()), refuse)
     }
 
     fn config(&self) -> Result<AnnotateConfig, CliError> {
@@ -196,21 +170,15 @@ impl Args {
         };
         AnnotateConfig::try_from(fields).map_err(refused)
     }
-
-    fn write(&self, name: &str, bytes: &[u8], screen: &Screen) -> Result<(), CliError> {
-        let path = self.out.join(name);
-        write_whole(&path, bytes).map_err(|source| self.failed(&path, source))?;
-        screen.line(path.display().to_string())
-    }
-
-    fn failed(&self, path: &Path, source: std::io::Error) -> CliError {
-        CliError::File { action: "write", path: path.to_owned(), source }
-    }
 }
 
-/// Says what became of the free floor of the map, and how to have it otherwise.
-fn said(survey: &Survey) -> String {
-    let advice = if survey.is_odd() { "; `--region all` or `--region x,y` keeps other regions" } else { "" };
-    let warning = if survey.is_odd() { "warning: " } else { "" };
-    format!("{warning}{survey}{advice}")
+/// Lets a model tell, with a bar.
+fn predict(map: &OccupancyMap, model: &Model, config: &AnnotateConfig, screen: &Screen) -> Result<Heat, CliError> {
+    let compute = compute::open(config.device)?;
+    let mut bar = WorkBar::new("annotate", screen.color());
+    let mut progress = |done: usize, all: usize| {
+        bar.advance(done, all);
+        ControlFlow::Continue(())
+    };
+    Ok(annotate::heat(map, model, config, &compute, &mut progress)?)
 }

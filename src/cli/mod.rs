@@ -6,14 +6,17 @@
 mod annotate;
 mod check;
 mod completions;
+mod crowd_args;
 mod diff;
 mod error;
 mod export;
 mod gc;
+mod import_args;
 mod init;
 mod keep;
 mod ls;
 mod model_files;
+mod out_folder;
 mod paths;
 mod plan;
 mod report;
@@ -24,6 +27,7 @@ mod schema;
 mod screen;
 mod show;
 mod signals;
+mod simulate;
 mod sql;
 mod status;
 mod verify;
@@ -102,6 +106,8 @@ enum Command {
     Init(init::Args),
     /// Annotate a map of your own, without a pipeline.
     Annotate(annotate::Args),
+    /// Simulate people on a map of your own, without a pipeline.
+    Simulate(simulate::Args),
     /// Write what the store holds in the form that others take.
     Export(export::Args),
     /// Print completions for a shell.
@@ -166,6 +172,7 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Schema(args) => args.run(screen),
         Command::Init(args) => args.run(screen),
         Command::Annotate(args) => args.run(store, screen),
+        Command::Simulate(args) => args.run(store, screen),
         Command::Export(args) => args.run(screen),
         Command::Completions(args) => args.run(&mut Cli::command(), screen),
     }

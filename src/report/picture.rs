@@ -124,6 +124,37 @@ impl Picture {
         self
     }
 
+    /// Sets a picture of values of the same unit to the right of this one, on one scale; together they lie nowhere.
+    ///
+    /// # Panics
+    /// If the pictures are not of one height, or one of them shows no values.
+    #[must_use]
+    pub fn beside(&self, right: &Self) -> Self {
+        let (Layer::Values { values, walls, unit, empty }, Layer::Values { values: others, walls: other_walls, .. }) =
+            (&self.layer, &right.layer)
+        else {
+            panic!("both pictures show values")
+        };
+        assert_eq!(values.rows(), others.rows(), "pictures of one height");
+        let gap = (values.cols() / 40).max(2);
+        let join = |left: &dyn Fn(Cell) -> f32, right: &dyn Fn(Cell) -> f32, between: f32| {
+            Grid::from_fn(values.rows(), values.cols() + gap + others.cols(), |cell| {
+                let Cell { row, col } = cell;
+                match col.checked_sub(values.cols() + gap) {
+                    Some(col) => right(Cell::new(row, col)),
+                    None if col < values.cols() => left(cell),
+                    None => between,
+                }
+            })
+        };
+        let blocked = |walls: &Option<Grid<bool>>, cell| walls.as_ref().is_some_and(|walls| walls[cell]);
+        let number = |blocked: bool| f32::from(u8::from(blocked));
+        let all = join(&|cell| number(blocked(walls, cell)), &|cell| number(blocked(other_walls, cell)), 1.0);
+        let values = join(&|cell| values[cell], &|cell| others[cell], 0.0);
+        let walls = Some(all.map(|blocked| *blocked > 0.0));
+        Self { frame: None, layer: Layer::Values { values, walls, unit, empty: *empty } }
+    }
+
     /// Returns where the picture lies.
     #[must_use]
     pub const fn frame(&self) -> Option<&Frame> {

@@ -39,7 +39,11 @@ pub(super) fn write_heat<T: Copy + Into<f64>>(
     values: &Grid<T>,
     people: Option<&Grid<T>>,
 ) -> Result<Output, StageError> {
+    write(context, &Placed::new(*map.frame(), heat_of(map, values, people)))
+}
+
+/// Ranks values of the cells; people stand for a density.
+pub(super) fn heat_of<T: Copy + Into<f64>>(map: &OccupancyMap, values: &Grid<T>, people: Option<&Grid<T>>) -> Heat {
     let density = people.and_then(|people| relative_to_mean(people, map.free()));
-    let heat = Heat { density, ..Heat::new(map.free().clone(), share_below(values, map.free())) };
-    write(context, &Placed::new(*map.frame(), heat))
+    Heat { density, ..Heat::new(map.free().clone(), share_below(values, map.free())) }
 }

@@ -63,22 +63,29 @@ impl<'a> Steps<'a> {
 
 /// Says where a crowd was not what was asked for.
 pub fn warn(context: &Context, config: &CrowdConfig, summary: &Summary) {
+    warnings(config, summary).into_iter().for_each(|warning| (context.warn)(warning));
+}
+
+/// Returns what there is to say where a crowd was not what was asked for.
+pub fn warnings(config: &CrowdConfig, summary: &Summary) -> Vec<String> {
+    let mut said = Vec::new();
     let &Summary { agents, missing_agents, paths, near_goals, waits, .. } = summary;
     if missing_agents > 0 {
         let asked = agents + missing_agents;
-        (context.warn)(format!(
+        said.push(format!(
             "there was room for only {agents} of {asked} agents: ask for fewer `agents` or a smaller `radius`"
         ));
     }
     if near_goals as f64 > NEAR_GOALS * paths as f64 {
         let distance = config.goal_distance;
-        (context.warn)(format!(
+        said.push(format!(
             "{near_goals} of {paths} goals are less than `goal_distance: {distance}` (m) of way off: the map is too small for it"
         ));
     }
     if waits > 0 {
-        (context.warn)(format!("agents found no goal to go to {waits} times and waited for one"));
+        said.push(format!("agents found no goal to go to {waits} times and waited for one"));
     }
+    said
 }
 
 #[cfg(test)]

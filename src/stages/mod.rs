@@ -9,6 +9,7 @@ pub mod compute;
 pub mod cost;
 pub mod criticality;
 mod crowd;
+pub mod crowd_heat;
 mod definition;
 mod episodes;
 pub mod generate_map;

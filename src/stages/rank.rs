@@ -4,9 +4,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
-use super::{Definition, baseline, kind, read};
-use crate::domain::geometry::Grid;
-use crate::domain::raster::VisitCounts;
+use super::{Definition, baseline, kind, read, write};
+use crate::domain::map::OccupancyMap;
+use crate::domain::raster::{VisitCounts, shares};
 use crate::kinds::{Heat, Placed};
 use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Part, Port, Stage, StageError, StageSpec};
 use crate::store::{Artifact, Store};
@@ -19,7 +19,7 @@ pub struct Rank {}
 impl Definition for Rank {
     const SPEC: StageSpec = StageSpec {
         name: "rank",
-        version: 1,
+        version: 2,
         ports: &[
             baseline::MAP,
             Port {
@@ -37,8 +37,9 @@ impl Definition for Rank {
         ],
         output: kind::<Placed<Heat>>(),
         seeded: false,
-        doc: "Turns visits of a map into a heat: the share of the free floor that is visited less, and the density of people \
-              where steps are counted. Simulating the very map is what a prediction can hardly beat.",
+        doc: "Turns visits of a map into a heat: the share of the free floor that is visited less, the density of people \
+              where steps are counted, and the direction of flow where visits have it. Simulating the very map is what a \
+              prediction can hardly beat.",
     };
 }
 
@@ -53,13 +54,19 @@ impl Stage for Rank {
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let (map, _) = baseline::map(inputs, context)?;
-        let counts = |port: &str, artifact: &Artifact| -> Result<Grid<u32>, StageError> {
+        let counts = |port: &str, artifact: &Artifact| -> Result<VisitCounts, StageError> {
             let (visits, _): (Placed<VisitCounts>, _) = read(context, artifact)?;
             super::same_frame("map", map.frame(), port, &visits.frame)?;
-            Ok(visits.value.counts)
+            Ok(visits.value)
         };
         let visits = counts("visits", inputs.one("visits"))?;
         let steps = inputs.maybe("steps").map(|steps| counts("steps", steps)).transpose()?;
-        baseline::write_heat(context, &map, &visits, steps.as_ref())
+        write(context, &Placed::new(*map.frame(), heat(&map, &visits, steps.as_ref())))
     }
+}
+
+/// Makes a heat of the visits of a map, and of the time that people spent there if it is known.
+pub(super) fn heat(map: &OccupancyMap, visits: &VisitCounts, steps: Option<&VisitCounts>) -> Heat {
+    let heat = baseline::heat_of(map, &visits.counts, steps.map(|steps| &steps.counts));
+    Heat { flow: visits.flow.as_ref().map(shares), ..heat }
 }

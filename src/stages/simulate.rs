@@ -20,7 +20,7 @@ use crate::pipeline::stage::{
 use crate::store::{Artifact, Store};
 
 /// Episodes that are computed side by side and then written: what is in memory at once, whatever the size of a chunk.
-const BATCH: u32 = 20;
+pub(super) const BATCH: u32 = 20;
 
 /// Parameters of `simulate`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]

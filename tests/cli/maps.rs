@@ -285,3 +285,55 @@ fn png_of(size: u32, white: impl Fn(u32, u32) -> bool) -> Vec<u8> {
     image.write_to(&mut bytes, image::ImageFormat::Png).expect("encodes");
     bytes.into_inner()
 }
+
+/// Walking on a map says the same as a pipeline that simulates it, counts visits and time, and ranks them.
+#[test]
+fn simulate_does_what_a_pipeline_does() {
+    let place = Place::empty();
+    place.write("ward/map.pgm", room(40));
+    place.write("ward/map.yaml", ros("map.pgm", "", ""));
+    place.write(
+        "walk.yaml",
+        "seed: 9\nmaps: { train: { files: ward/map.yaml } }\nstages:\n  \
+         walks: { use: simulate, map: $maps, episodes: 23, agents: [2, 3] }\n  \
+         visits: { use: rasterize, map: $maps, walks: walks, flow: true }\n  \
+         steps: { use: rasterize, map: $maps, walks: walks, count: steps }\n  \
+         heat: { use: rank, map: $maps, visits: visits, steps: steps }\n",
+    );
+    place.out(&["run", "walk.yaml"]);
+    let people = ["--episodes", "23", "--agents", "2,3", "--seed", "9"];
+    let said = place.out(&[&["simulate", "ward/map.yaml", "--out", "walked"], &people[..]].concat());
+    assert_eq!(said, "walked/heat.parquet\nwalked/map.parquet\nwalked/heat.png\n");
+    let read = |name: &str| std::fs::read(place.path(name)).expect("reads");
+    let heat = read("walked/heat.parquet");
+    assert_eq!(heat, read("artifacts/latest/walk/heat/ward.parquet"));
+
+    let annotate = ["annotate", "ward/map.yaml", "--offsets", "1", "--out"];
+    place.out(&[&annotate, &["model"][..]].concat());
+    let said = place.out(&[&annotate, &["both", "--by", "both"][..], &people].concat());
+    assert_eq!(said, "both/heat.parquet\nboth/simulated.parquet\nboth/map.parquet\nboth/heat.png\n");
+    assert_eq!((read("both/heat.parquet"), read("both/simulated.parquet")), (read("model/heat.parquet"), heat));
+    assert_ne!(read("both/heat.png"), read("model/heat.png"));
+}
+
+#[test]
+fn options_without_a_use_are_refused() {
+    let place = Place::empty();
+    place.write("flat.pgm", room(12));
+    let requests: [&[&str]; 5] = [
+        &["annotate", "flat.pgm", "--image-resolution", "0.1", "--seed", "3"],
+        &["annotate", "flat.pgm", "--image-resolution", "0.1", "--by", "simulation", "--offsets", "8"],
+        &["simulate", "flat.pgm", "--image-resolution", "0.1", "--agents", "5"],
+        &["simulate", "flat.pgm", "--image-resolution", "0.1", "--agents", "5,4"],
+        &["simulate", "flat.pgm", "--image-resolution", "0.1", "--episodes", "0"],
+    ];
+    let said: Vec<String> = requests
+        .iter()
+        .map(|words| {
+            let words = [*words, &["--out", "out"]].concat();
+            format!("$ {}\n{}", words.join(" "), place.refused(2, &words))
+        })
+        .collect();
+    check("simulate-refused", &said.join("\n"));
+    assert!(!place.path("out").exists());
+}

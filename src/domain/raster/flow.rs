@@ -47,6 +47,18 @@ pub fn direction(displacement: Point) -> Option<usize> {
     })
 }
 
+/// Computes for each cell the share of its passages that go in each direction; all 0 where nobody passes.
+#[must_use]
+pub fn shares(flow: &Flow) -> [Grid<f32>; DIRECTIONS] {
+    let all = |cell: usize| flow.iter().map(|passages| f64::from(passages.as_slice()[cell])).sum::<f64>().max(1.0);
+    let share = |passages: &Grid<u32>| {
+        let cells = passages.as_slice().iter().enumerate();
+        let shares = cells.map(|(cell, count)| (f64::from(*count) / all(cell)) as f32).collect();
+        Grid::from_vec(passages.rows(), passages.cols(), shares)
+    };
+    flow.each_ref().map(share)
+}
+
 /// A cell's part in the current path.
 #[derive(Debug, Clone, Copy, Default)]
 struct Passing {
@@ -186,6 +198,15 @@ mod tests {
         assert_eq!(at(&visits, (3, 2)), [2, 0, 0, 0, 1, 0, 0, 0]);
         assert_eq!(at(&visits, (6, 2)), [1, 0, 0, 0, 0, 0, 0, 0]);
         assert_eq!(visits.counts[Cell::new(2, 3)], 4);
+    }
+
+    #[test]
+    fn passages_have_shares() {
+        let visits = walked(&[&[(1, 2), (4, 2)], &[(0, 2), (6, 2)], &[(5, 2), (2, 2)], &[(3, 1), (3, 3)]], 0.05);
+        let shares = shares(visits.flow.as_ref().expect("a flow"));
+        let at = |col| shares.each_ref().map(|share| share[Cell::new(2, col)]);
+        assert_eq!(at(3), [0.5, 0.0, 0.0, 0.0, 0.25, 0.0, 0.25, 0.0]);
+        assert_eq!((at(6), at(7)), ([1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; DIRECTIONS]));
     }
 
     #[test]

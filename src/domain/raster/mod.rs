@@ -23,7 +23,7 @@ use super::geometry::{Grid, Meters, Point};
 use super::map::OccupancyMap;
 use super::tracks::Sample;
 
-pub use flow::{DIRECTIONS, Flow, direction};
+pub use flow::{DIRECTIONS, Flow, direction, shares};
 
 use capsule::Advance;
 use flow::FlowCounter;

@@ -1,0 +1,57 @@
+//! `simulate`: people walk on a map of your own, without a pipeline.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use super::crowd_args::{self, CrowdArgs};
+use super::error::CliError;
+use super::import_args::{ImportArgs, said};
+use super::out_folder::OutFolder;
+use super::screen::Screen;
+use crate::domain::map::Imported;
+use crate::kinds::{Placed, SingleFile};
+use crate::pipeline::stage::Stage;
+use crate::report::picture::{Scale, heat_picture};
+use crate::report::png;
+
+/// The files that it writes.
+const HEAT: &str = "heat.parquet";
+const MAP: &str = "map.parquet";
+const PICTURE: &str = "heat.png";
+
+/// Arguments of `simulate`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "It writes `heat.parquet` (one row a cell: heat, density, and the share of passages in eight directions), \
+`heat.png`, and `map.parquet`: what `annotate` predicts, by walking instead of looking.
+
+Examples:
+  trodden simulate my_map.yaml --out simulated
+  trodden simulate plan.png --image-resolution 0.05 --preset comfortable --episodes 400 --out simulated"
+)]
+pub struct Args {
+    /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
+    map: PathBuf,
+    #[command(flatten)]
+    out: OutFolder,
+    #[command(flatten)]
+    crowd: CrowdArgs,
+    #[command(flatten)]
+    import: ImportArgs,
+}
+
+impl Args {
+    pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let walks = self.crowd.walks()?;
+        let import = self.import.importer(&self.map)?;
+        let inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
+        self.out.check(&[HEAT, MAP, PICTURE], &inputs)?;
+        screen.remark(format!("simulating people on {}", import.origin().path().display()));
+        let Imported { map, survey } = import.import()?;
+        screen.remark(said(&survey));
+        let heat = Placed::new(*map.frame(), crowd_args::simulate(&map, &walks, screen)?);
+        let picture = png::figure(&heat_picture(&heat), Scale::Linear, &import.origin().map_name());
+        self.out.write(&[(HEAT, heat.to_bytes()?), (MAP, map.to_bytes()?), (PICTURE, picture)], screen)?;
+        Ok(ExitCode::SUCCESS)
+    }
+}
