@@ -140,6 +140,7 @@ impl Maker {
                 mean_recall: 1.0 - 0.6 / f64::from(epoch),
                 recall: vec![0.99, 0.8, 1.0 - 0.7 / f64::from(epoch), 0.6],
             },
+            validation: None,
             samples: tiles.samples() as u64,
         };
         for epoch in 1..=4 {

@@ -9,8 +9,8 @@ use trodden::domain::map::OccupancyMap;
 use trodden::domain::random::Stream;
 use trodden::domain::tiles::{NO_RANK, Target, Tiles};
 use trodden::domain::unet::{
-    Architecture, Array, BatchReport, Compute, DeviceName, EpochMetrics, Fit, Network, Outputs, Simd, TrainConfig,
-    TrainState, Trainer, UnetError,
+    Architecture, Array, Arrays, BatchReport, Compute, DeviceName, EpochMetrics, Fit, Network, Outputs, Pick, Simd,
+    TrainConfig, TrainState, Trainer, UnetError, Validation,
 };
 
 use super::needs::Need;
@@ -159,6 +159,95 @@ fn a_resumed_training_is_an_undisturbed_one() {
         }
         assert_eq!(bits(&state), bits(&whole.state()), "{compute}");
     }
+}
+
+/// One batch an epoch, so that every state of the parameters can be seen. The average of t batches is that of t − 1, of which
+/// (1 + t) / (10 + t) stays, but at most the share that was asked for, and the parameters after batch t for the rest.
+#[test]
+fn averaged_weights_follow_those_that_learn() {
+    let tiles = ranked(&tiles(16, 1), true);
+    let one = TrainConfig { batch: 8, ..config() };
+    let averaged = TrainConfig { average: Some(0.7), ..one.clone() };
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let new = |config: &TrainConfig| Trainer::new(&tiles, &[], config, &compute, 7).expect("in range");
+    let (mut plain, mut other) = (new(&one), new(&averaged));
+    let mut expected: Vec<f64> = plain.state().model["head.weight"].values.iter().map(|v| f64::from(*v)).collect();
+    for t in 1..=30 {
+        assert_eq!(epochs(&mut plain, 1)[0].loss, epochs(&mut other, 1)[0].loss, "the average does not learn");
+        let (learns, predicts) = (plain.state(), other.state());
+        let stays = (f64::from(1 + t) / f64::from(10 + t)).min(0.7);
+        let values = &learns.model["head.weight"].values;
+        expected.iter_mut().zip(values).for_each(|(mean, now)| *mean = stays * *mean + (1.0 - stays) * f64::from(*now));
+        for (found, expected) in predicts.model["head.weight"].values.iter().zip(&expected) {
+            assert!((f64::from(*found) - expected).abs() < 1e-6, "{t}: {found} {expected}");
+        }
+        assert_eq!(predicts.optimizer["head.weight.current"], learns.model["head.weight"]);
+        // Going on from what is kept is the same as going on.
+        other = Trainer::resume(&tiles, &[], &averaged, &compute, 7, &predicts).expect("a state fits its own tiles");
+        assert_eq!(bits(&other.state()), bits(&predicts));
+    }
+}
+
+/// What is kept is the network after the epoch that predicts other windows best, while training goes on as it would.
+#[test]
+fn the_best_epoch_on_other_windows_is_kept() {
+    let (tiles, others) = (ranked(&tiles(16, 3), false), ranked(&tiles(24, 2), false));
+    let last = TrainConfig { learning_rate: 0.03, batch: 6, average: Some(0.6), ..config() };
+    let picks = TrainConfig { pick: Pick::Best, ..last.clone() };
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let mut all = Trainer::new(&tiles, &[], &last, &compute, 7).expect("in range");
+    all.validate_on(&others).expect("windows of the same sort");
+    let mut picking = Trainer::new(&tiles, &[], &picks, &compute, 7).expect("in range");
+    picking.validate_on(&others).expect("windows of the same sort");
+    let (mut seen, mut passed_over): (Vec<(f64, Arrays)>, usize) = (Vec::new(), 0);
+    for _ in 0..16 {
+        let (metrics, same) = (epochs(&mut all, 1).remove(0), epochs(&mut picking, 1).remove(0));
+        assert_eq!(metrics, same);
+        seen.push((metrics.validation.expect("there are other windows").score(), all.state().model));
+        let highest = seen.iter().map(|(score, _)| *score).fold(f64::MIN, f64::max);
+        let best = seen.iter().position(|(score, _)| *score == highest).expect("one is the highest");
+        passed_over += usize::from(best + 1 < seen.len());
+        let state = picking.state();
+        assert!(state.model == seen[best].1);
+        let mut resumed = Trainer::resume(&tiles, &[], &picks, &compute, 7, &state).expect("a state fits its own tiles");
+        resumed.validate_on(&others).expect("windows of the same sort");
+        assert_eq!(bits(&resumed.state()), bits(&state));
+        picking = resumed;
+    }
+    assert!(passed_over > 0, "every epoch is better than the one before: the test tells nothing");
+
+    let mut blind = Trainer::new(&tiles, &[], &picks, &compute, 7).expect("in range");
+    assert_eq!(
+        blind.epoch(&mut |_: &BatchReport| ControlFlow::Continue(())).err(),
+        Some(UnetError::PickWithoutValidation)
+    );
+    assert_eq!(blind.validate_on(&tiles_of_classes()).err(), Some(UnetError::Validation));
+    let deep = TrainConfig { network: Architecture { widths: vec![16; 4], convolutions: 1 }, ..last };
+    let mut deep = Trainer::new(&tiles, &[], &deep, &compute, 7).expect("in range");
+    assert_eq!(deep.validate_on(&others).err(), Some(UnetError::Window { size: 24, period: 16 }));
+}
+
+/// Accuracy and mean recall of what the network says of each pixel of the windows.
+#[test]
+fn a_validation_counts_what_is_predicted_right() {
+    let (tiles, others) = (tiles(16, 3), tiles(24, 2));
+    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+    let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).expect("in range");
+    trainer.validate_on(&others).expect("windows of the same sort");
+    let validation = epochs(&mut trainer, 5)[4].validation;
+    let network = Network::new(&Architecture::paper(), &[], Outputs::Classes(3), &trainer.state().model, &compute);
+    let said = network.expect("complete").predict_windows(&others.occupancy, 24, 2);
+    let Target::Classes { labels, .. } = &others.target else { panic!("classes") };
+    let (mut right, mut all) = ([0.0; 4], [0.0f64; 4]);
+    for (pixel, label) in said.chunks_exact(4).zip(labels).filter(|(_, label)| **label >= 0) {
+        let most = pixel.iter().copied().fold(f32::MIN, f32::max);
+        all[*label as usize] += 1.0;
+        right[*label as usize] += f64::from(u8::from(pixel[*label as usize] == most));
+    }
+    let recalls: Vec<f64> = right.iter().zip(&all).filter(|(_, all)| **all > 0.0).map(|(r, a)| r / a).collect();
+    let accuracy = right.iter().sum::<f64>() / all.iter().sum::<f64>();
+    let mean_recall = recalls.iter().sum::<f64>() / recalls.len() as f64;
+    assert_eq!(validation, Some(Validation::Classes { accuracy, mean_recall }));
 }
 
 #[test]

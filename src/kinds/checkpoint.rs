@@ -2,7 +2,9 @@
 //!
 //! Arrays are f32 under PyTorch's names and shapes, so `safetensors.torch.load_file` gives a state dict. The configuration
 //! keeps whole numbers where others derive from them (cells of each class; their distribution and weights stand beside for
-//! readers), so that nothing is lost in JSON's digits. The metrics have a row for every epoch so far.
+//! readers), so that nothing is lost in JSON's digits. The metrics have a row for every epoch so far; where other windows
+//! were predicted after each, two columns more, `validation_spearman` and `validation_auc`, or of classes
+//! `validation_accuracy` and `validation_mean_recall`.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,7 +20,7 @@ use super::{Kind, KindError, Written, named_file};
 use crate::domain::planes::{self, Plane};
 use crate::domain::quantize::{ClassCounts, FEWEST_CLASSES, MOST_CLASSES, class_weights};
 use crate::domain::tiles::Target;
-use crate::domain::unet::{Architecture, Array, Arrays, EpochMetrics, Fit, Outputs, TrainState};
+use crate::domain::unet::{Architecture, Array, Arrays, EpochMetrics, Fit, Outputs, TrainState, Validation};
 use crate::store::{Artifact, Store};
 
 const KIND: &str = "Checkpoint";
@@ -184,7 +186,8 @@ impl Checkpoint {
 
     fn metrics_bytes(&self) -> Result<Vec<u8>, KindError> {
         let outputs = self.config.outputs();
-        let columns = metrics_columns(outputs);
+        let validated = self.metrics.iter().any(|metrics| metrics.validation.is_some());
+        let columns = metrics_columns(outputs, validated);
         let mut values: Vec<Vec<f64>> = vec![Vec::new(); columns.len() - 2];
         for (row, metrics) in self.metrics.iter().enumerate() {
             let numbers = numbers_of(metrics);
@@ -194,7 +197,7 @@ impl Checkpoint {
                     "loss",
                     row,
                     numbers.len(),
-                    "as many numbers as the network's outputs ask",
+                    "as many numbers as the network's outputs ask, of every epoch the same",
                 ));
             }
             values.iter_mut().zip(numbers).for_each(|(column, number)| column.push(number));
@@ -221,6 +224,7 @@ fn numbers_of(metrics: &EpochMetrics) -> Vec<f64> {
         }
         Fit::Ranks { error } => numbers.push(*error),
     }
+    numbers.extend(metrics.validation.iter().flat_map(Validation::numbers));
     numbers
 }
 
@@ -322,7 +326,8 @@ pub(super) fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindE
     Ok((CheckpointConfig { network, window, batch, learning_rate, learned, besides }, epoch))
 }
 
-fn metrics_columns(outputs: Outputs) -> Vec<Column> {
+/// Returns the columns of metrics, and as the last two those of a validation if there is one.
+fn metrics_columns(outputs: Outputs, validated: bool) -> Vec<Column> {
     let mut columns = vec![
         Column::new("epoch", DataType::UInt32),
         Column::new("samples", DataType::UInt64),
@@ -337,13 +342,25 @@ fn metrics_columns(outputs: Outputs) -> Vec<Column> {
         Outputs::Ranks { .. } => vec!["error".to_owned()],
     };
     columns.extend(names.into_iter().map(|name| Column::new(name, DataType::Float64)));
+    if validated {
+        columns.extend(validation_columns(outputs).map(|name| Column::new(name, DataType::Float64)));
+    }
     columns
+}
+
+const fn validation_columns(outputs: Outputs) -> [&'static str; 2] {
+    match outputs {
+        Outputs::Classes(_) => ["validation_accuracy", "validation_mean_recall"],
+        Outputs::Ranks { .. } => ["validation_spearman", "validation_auc"],
+    }
 }
 
 fn read_metrics(bytes: Vec<u8>, outputs: Outputs) -> Result<Vec<EpochMetrics>, KindError> {
     let table = Table::open(METRICS, FORMAT, bytes)?;
     let mut metrics = Vec::new();
-    for batch in table.batches(&metrics_columns(outputs))? {
+    let validated = table.has(validation_columns(outputs)[0]);
+    let columns = metrics_columns(outputs, validated);
+    for batch in table.batches(&columns)? {
         let batch = batch?;
         for i in 0..batch.rows {
             let number = |column: usize| batch.numbers::<Float64Type>(column)[i];
@@ -359,6 +376,10 @@ fn read_metrics(bytes: Vec<u8>, outputs: Outputs) -> Result<Vec<EpochMetrics>, K
                     },
                     Outputs::Ranks { .. } => Fit::Ranks { error: number(3) },
                 },
+                validation: validated.then(|| match (outputs, [columns.len() - 2, columns.len() - 1].map(number)) {
+                    (Outputs::Classes(_), [accuracy, mean_recall]) => Validation::Classes { accuracy, mean_recall },
+                    (Outputs::Ranks { .. }, [spearman, auc]) => Validation::Ranks { spearman, auc },
+                }),
             });
             if !number(2).is_finite() {
                 return Err(wrong_value(METRICS, "loss", batch.first + i, number(2), "a finite number"));

@@ -204,6 +204,10 @@ impl Shown {
                 facts.push(fact("learned", if *density { "ranks and densities" } else { "ranks" }));
             }
         }
+        if !config.besides.is_empty() {
+            let names: Vec<&str> = config.besides.iter().map(|plane| plane.name()).collect();
+            facts.push(fact("shown besides free cells", names.join(", ")));
+        }
         let table = artifact.file("metrics.parquet").map(|file| read_table(store, file)).transpose()?;
         Ok(Self { facts, picture: None, table })
     }

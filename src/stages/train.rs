@@ -34,6 +34,12 @@ impl Definition for Train {
                 arity: Arity::Optional,
                 doc: "A network of the same form to start from in the place of a random one (fine-tuning).",
             },
+            Port {
+                name: "validation",
+                kind: "Tiles",
+                arity: Arity::Optional,
+                doc: "Windows of other maps to predict after every epoch, which tell how well it does.",
+            },
         ],
         output: kind::<Checkpoint>(),
         seeded: true,
@@ -66,7 +72,7 @@ impl Stage for Train {
 
     fn part_ports(&self, part: Part) -> Option<&'static [&'static str]> {
         // Only the first epoch reads what it starts from.
-        matches!(part, Part::Step(epoch) if epoch > 1).then_some(&["tiles"])
+        matches!(part, Part::Step(epoch) if epoch > 1).then_some(&["tiles", "validation"])
     }
 
     fn division(&self) -> Division {
@@ -88,6 +94,7 @@ impl Stage for Train {
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let (tiles, _): (Tiles, _) = read(context, inputs.one("tiles"))?;
+        let validation = inputs.maybe("validation").map(|tiles| read::<Tiles>(context, tiles)).transpose()?;
         let learned = Learned::of(&tiles.target);
         let weights = learned.counts().map(class_weights).unwrap_or_default();
         let compute = compute::open(self.0.device)?;
@@ -111,6 +118,9 @@ impl Stage for Train {
             if (context.cancelled)() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
         let trainer = trainer.as_mut().map_err(|error| failed(error.clone()))?;
+        if let Some((validation, _)) = &validation {
+            trainer.validate_on(validation).map_err(failed)?;
+        }
         metrics.push(trainer.epoch(&mut progress).map_err(failed)?);
         let config = CheckpointConfig {
             network: self.0.network.clone(),
@@ -138,6 +148,12 @@ fn failed(error: UnetError) -> StageError {
         UnetError::Cancelled => StageError::Cancelled,
         error @ UnetError::NotFinite { .. } => {
             StageError::failed(error).with_help("lower `learning_rate`; the paper's 0.01 is too high for this network")
+        }
+        error @ UnetError::PickWithoutValidation => {
+            StageError::failed(error).with_help("give `validation` windows of other maps, or leave `pick` out")
+        }
+        error @ UnetError::Validation => {
+            StageError::failed(error).with_help("cut both by `tile` with the same `besides` and the same inputs")
         }
         error => StageError::failed(error),
     }

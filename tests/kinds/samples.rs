@@ -11,7 +11,7 @@ use trodden::domain::score::{ClassScores, Confusion, Estimate, FloorScores};
 use trodden::domain::social::{EpisodeCost, Pair, Predictor, PredictorCosts, SizeFit, SocialCosts};
 use trodden::domain::tiles::{NO_RANK, Target, Tiles};
 use trodden::domain::tracks::{Sample, Tracks, agent_id};
-use trodden::domain::unet::{Architecture, Array, EpochMetrics, Fit, TrainState};
+use trodden::domain::unet::{Architecture, Array, EpochMetrics, Fit, TrainState, Validation};
 use trodden::kinds::{Checkpoint, CheckpointConfig, Heat, Learned, NavEpisodes, NavSample, Placed};
 
 pub fn frame() -> Frame {
@@ -179,6 +179,7 @@ pub fn checkpoint() -> Checkpoint {
         epoch,
         loss: 1.0 / f64::from(epoch),
         fit: Fit::Classes { accuracy: 0.5, mean_recall: 0.25, recall: vec![0.75, 0.25, 0.125, 0.0] },
+        validation: None,
         samples: 64,
     };
     Checkpoint {
@@ -206,6 +207,7 @@ pub fn ranking_checkpoint() -> Checkpoint {
         epoch,
         loss: 0.75 / f64::from(epoch),
         fit: Fit::Ranks { error: 0.125 / f64::from(epoch) },
+        validation: Some(Validation::Ranks { spearman: 0.5 + f64::from(epoch) / 8.0, auc: 0.75 }),
         samples: 64,
     };
     Checkpoint {

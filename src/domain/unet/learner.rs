@@ -10,6 +10,7 @@ use super::compute::Compute;
 use super::layers::{Array, Arrays, Layers};
 use super::loss::{rank_loss, weighted_cross_entropy};
 use super::model::{self, UNet};
+use super::network::Network;
 use super::outputs::Outputs;
 use super::tally::Tally;
 use super::{UnetError, ops};
@@ -33,8 +34,15 @@ pub(super) struct Learner {
     parameters: Tensor<1>,
     adam: Adam,
     moments: Option<AdamState<1>>,
+    /// How much of the average stays at each batch, and the average; it is what predicts.
+    average: Option<(f64, Tensor<1>)>,
     pass: ops::SharedPass,
 }
+
+/// What stands behind the names of the parameters that learn, where others predict.
+const CURRENT: &str = ".current";
+/// What stands behind the names of averaged parameters, where those of the best epoch predict.
+const AVERAGE: &str = ".average";
 
 impl Learner {
     /// Draws a new network; classes have one of `weights` each.
@@ -58,13 +66,28 @@ impl Learner {
             parameters: parameters.set_require_grad(false),
             adam,
             moments: None,
+            average: None,
         }
+    }
+
+    /// Lets the average of the parameters predict, of which so much stays at each batch, instead of those that learn.
+    pub(super) fn averaging(mut self, stays: Option<f64>) -> Self {
+        self.average = stays.map(|stays| (stays, self.parameters.clone()));
+        self
     }
 
     /// Takes over the network of a checkpoint.
     pub(super) fn take_over(&mut self, model: &Arrays) -> Result<(), UnetError> {
         self.parameters = self.read(model, "")?;
+        if let Some((_, average)) = &mut self.average {
+            *average = self.parameters.clone();
+        }
         Ok(())
+    }
+
+    /// Makes a network of parameters that this one had.
+    pub(super) fn network(&self, architecture: &Architecture, model: &Arrays) -> Result<Network, UnetError> {
+        Network::new(architecture, self.layers.besides(), self.outputs, model, &self.compute)
     }
 
     fn read(&self, arrays: &Arrays, suffix: &str) -> Result<Tensor<1>, UnetError> {
@@ -82,13 +105,32 @@ impl Learner {
         };
         let (first, second) = (self.read(optimizer, ".exp_avg")?, self.read(optimizer, ".exp_avg_sq")?);
         self.take_over(model)?;
+        // The name of any array tells whether there are all of them; those that lack are named by `read`.
+        let has = |suffix: &str| optimizer.keys().any(|name| name.ends_with(suffix));
+        if has(AVERAGE) {
+            let kept = self.read(optimizer, AVERAGE)?;
+            self.average.iter_mut().for_each(|(_, average)| *average = kept.clone());
+        }
+        if has(CURRENT) {
+            self.parameters = self.read(optimizer, CURRENT)?;
+        }
         self.moments = (steps > 0.0).then(|| AdamState::new(AdaptiveMomentumState::new(steps as usize, first, second)));
         Ok(())
     }
 
-    /// Returns the network's arrays.
+    /// Returns the arrays of the network that predicts.
     pub(super) fn model(&self) -> Arrays {
-        self.layers.to_arrays(&to_vec(&self.parameters), "")
+        let predicts = self.average.as_ref().map_or(&self.parameters, |(_, average)| average);
+        self.layers.to_arrays(&to_vec(predicts), "")
+    }
+
+    /// Returns what the optimizer's arrays lack where an earlier network is kept: the parameters that learn, and their average.
+    pub(super) fn beside_the_best(&self) -> Arrays {
+        let mut arrays = self.layers.to_arrays(&to_vec(&self.parameters), CURRENT);
+        if let Some((_, average)) = &self.average {
+            arrays.append(&mut self.layers.to_arrays(&to_vec(average), AVERAGE));
+        }
+        arrays
     }
 
     /// Returns the optimizer's arrays: PyTorch's names of both moments, and `step`, the number of steps taken.
@@ -100,6 +142,9 @@ impl Learner {
         );
         let mut arrays = self.layers.to_arrays(&first, ".exp_avg");
         arrays.append(&mut self.layers.to_arrays(&second, ".exp_avg_sq"));
+        if self.average.is_some() {
+            arrays.append(&mut self.layers.to_arrays(&to_vec(&self.parameters), CURRENT));
+        }
         // f32 counts exactly to 2²⁴ steps, 50 times the epochs of the paper times 10,000 homes.
         arrays.insert("step".to_owned(), Array { shape: vec![1], values: vec![steps as f32] });
         arrays
@@ -111,6 +156,12 @@ impl Learner {
         if loss.is_finite() {
             let parameters = self.parameters.clone();
             (self.parameters, self.moments) = self.adam.step(learning_rate, parameters, gradient, self.moments.take());
+            let steps = self.moments.as_ref().map_or(0, |state| state.momentum.time);
+            if let Some((stays, average)) = &mut self.average {
+                // The first batches count for more, or the random network would stay for long.
+                let stays = stays.min((1 + steps) as f64 / (10 + steps) as f64);
+                *average = average.clone() * stays + self.parameters.clone() * (1.0 - stays);
+            }
         }
         (loss, tally)
     }

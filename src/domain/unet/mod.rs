@@ -5,7 +5,8 @@
 //!   and the loss of ranks likewise;
 //! - `ops`: the same network as one operation of ours with hand-written kernels, several times as fast;
 //! - [`compute`]: which device and which instruction set does the work;
-//! - [`batches`]: which samples make a batch, and their assembly; `learner`: one step; [`trainer`]: epochs;
+//! - [`batches`]: which samples make a batch, and their assembly; `learner`: one step; [`trainer`]: epochs; [`validation`]: what tells which of them was the
+//!   best;
 //! - [`network`]: the trained network, applied to windows and whole maps.
 //!
 //! The bits of a result depend on the device and on whether its instruction set fuses multiplications and additions: the
@@ -24,13 +25,15 @@ mod ops;
 pub mod outputs;
 mod tally;
 pub mod trainer;
+pub mod validation;
 
 pub use architecture::Architecture;
 pub use compute::{Compute, DeviceName, Simd};
 pub use layers::{Array, Arrays, Layers};
 pub use network::Network;
 pub use outputs::Outputs;
-pub use trainer::{BatchReport, Decay, EpochMetrics, Fit, TrainConfig, TrainState, Trainer};
+pub use trainer::{BatchReport, Decay, EpochMetrics, Fit, Pick, TrainConfig, TrainState, Trainer};
+pub use validation::Validation;
 
 /// What keeps a network from being trained or applied.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -56,6 +59,10 @@ pub enum UnetError {
     ClassWeights { expected: usize, found: usize },
     #[error("the checkpoint is of a network for {found} classes, the tiles have {expected}")]
     ClassMismatch { expected: usize, found: usize },
+    #[error("the windows of the validation have other planes or another target than those that are learned from")]
+    Validation,
+    #[error("`pick` is `best`, but no windows tell which epoch was")]
+    PickWithoutValidation,
     #[error("the loss of batch {batch} of epoch {epoch} is `{loss}`: lower `learning_rate`")]
     NotFinite { epoch: u32, batch: usize, loss: f64 },
     #[error("training was cancelled")]

@@ -9,11 +9,15 @@ use super::UnetError;
 use super::architecture::Architecture;
 use super::batches::{Batch, Order};
 use super::compute::{Compute, DeviceName};
-use super::layers::Arrays;
+use super::layers::{Array, Arrays};
 use super::learner::Learner;
 use super::outputs::Outputs;
 use super::tally::Tally;
+use super::validation::{self, Validation};
 use crate::domain::tiles::Tiles;
+
+/// Name of the score of the best network among the optimizer's arrays.
+const BEST: &str = "best";
 
 /// Parameters of training.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -36,8 +40,25 @@ pub struct TrainConfig {
     pub warmup: u32,
     /// How the learning rate falls; it then depends on the number of all epochs, so more epochs train all anew.
     pub decay: Option<Decay>,
+    /// Share of the averaged weights that stays at each batch, 0.5 to 0.99999; the network is then this moving average of
+    /// those that were learned, which needs no `decay` and leaves the chain of epochs as it is.
+    #[schemars(range(min = 0.5, max = 0.99999))]
+    pub average: Option<f64>,
+    /// Which epoch's network is kept: the `last`, or the `best` so far on the windows of `validation`.
+    pub pick: Pick,
     /// What computes.
     pub device: DeviceName,
+}
+
+/// Which epoch's network is kept.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Pick {
+    /// The last one's.
+    #[default]
+    Last,
+    /// That of the best [score](Validation::score) so far, the first of equals.
+    Best,
 }
 
 /// A learning rate that falls linearly to the end of training.
@@ -67,6 +88,8 @@ impl Default for TrainConfig {
             learning_rate: 0.001,
             warmup: 0,
             decay: None,
+            average: None,
+            pick: Pick::Last,
             device: DeviceName::default(),
         }
     }
@@ -87,6 +110,10 @@ impl TrainConfig {
         let rate = self.learning_rate;
         range(rate > 0.0 && rate <= 1.0, "learning_rate", rate.to_string(), "numbers above 0 and at most 1")?;
         range(self.warmup <= 1_000_000, "warmup", self.warmup.to_string(), "0 to 1,000,000")?;
+        if let Some(average) = self.average {
+            let allowed = "numbers from 0.5 to 0.99999";
+            range((0.5..=0.99999).contains(&average), "average", average.to_string(), allowed)?;
+        }
         let Some(Decay { from, to }) = self.decay else { return Ok(()) };
         range((0.0..=1.0).contains(&from), "decay.from", from.to_string(), "numbers from 0 to 1")?;
         range((0.0..=1.0).contains(&to), "decay.to", to.to_string(), "numbers from 0 to 1")
@@ -113,7 +140,9 @@ pub struct TrainState {
     pub epoch: u32,
     /// The network, under PyTorch's names and shapes ([`Layers::to_arrays`](super::Layers::to_arrays)).
     pub model: Arrays,
-    /// Adam's moments `encoder1.weight.exp_avg`, `encoder1.weight.exp_avg_sq` and so on, and `step`.
+    /// Adam's moments `encoder1.weight.exp_avg`, `encoder1.weight.exp_avg_sq` and so on, and `step`. Where the network is not
+    /// that of the last batch, `encoder1.weight.current` and so on are; where weights are averaged and the best network is
+    /// kept, `encoder1.weight.average` and so on; where the best is kept, its score is `best`.
     pub optimizer: Arrays,
 }
 
@@ -126,6 +155,8 @@ pub struct EpochMetrics {
     pub loss: f64,
     /// How well the samples were predicted, each as its batch came by.
     pub fit: Fit,
+    /// How well the network at the end of the epoch predicts other windows, if there are some.
+    pub validation: Option<Validation>,
     /// Number of samples.
     pub samples: u64,
 }
@@ -150,7 +181,7 @@ pub enum Fit {
 }
 
 impl Fit {
-    fn new(outputs: Outputs, tally: &Tally) -> Self {
+    pub(super) fn new(outputs: Outputs, tally: &Tally) -> Self {
         if let Outputs::Ranks { .. } = outputs {
             return Self::Ranks { error: tally.error / tally.ranked.max(1) as f64 };
         }
@@ -188,6 +219,9 @@ pub struct Trainer<'a> {
     epoch: u32,
     /// The batch that is learned from, and the one that is assembled meanwhile.
     buffers: [Batch; 2],
+    validation: Option<&'a Tiles>,
+    /// The best network so far and its score, if that is the one that is kept.
+    best: Option<(Arrays, f32)>,
 }
 
 impl<'a> Trainer<'a> {
@@ -220,11 +254,14 @@ impl<'a> Trainer<'a> {
         Ok(Self {
             tiles,
             outputs,
-            learner: Learner::new(&config.network, &tiles.planes(), outputs, compute, weights, seed),
+            learner: Learner::new(&config.network, &tiles.planes(), outputs, compute, weights, seed)
+                .averaging(config.average),
             config: config.clone(),
             seed,
             epoch: 0,
             buffers: [Batch::of(tiles), Batch::of(tiles)],
+            validation: None,
+            best: None,
         })
     }
 
@@ -243,7 +280,24 @@ impl<'a> Trainer<'a> {
         let mut trainer = Self::new(tiles, weights, config, compute, seed)?;
         trainer.learner.restore(&state.model, &state.optimizer)?;
         trainer.epoch = state.epoch;
+        if let (Pick::Best, Some(score)) = (config.pick, state.optimizer.get(BEST)) {
+            let &[score] = score.values.as_slice() else {
+                let found = score.shape.clone();
+                return Err(UnetError::ArrayShape { name: BEST.to_owned(), expected: vec![1], found });
+            };
+            trainer.best = Some((state.model.clone(), score));
+        }
         Ok(trainer)
+    }
+
+    /// Predicts other windows after every epoch.
+    ///
+    /// # Errors
+    /// [`UnetError`] if they are of another sort, or not of a size that the network takes.
+    pub fn validate_on(&mut self, tiles: &'a Tiles) -> Result<(), UnetError> {
+        validation::check(self.tiles, tiles, self.config.network.period())?;
+        self.validation = Some(tiles);
+        Ok(())
     }
 
     /// Starts from a trained network instead of a random one; the optimizer starts anew.
@@ -263,7 +317,13 @@ impl<'a> Trainer<'a> {
     /// Returns what [`resume`](Self::resume) needs.
     #[must_use]
     pub fn state(&self) -> TrainState {
-        TrainState { epoch: self.epoch, model: self.learner.model(), optimizer: self.learner.optimizer() }
+        let (network, mut optimizer) = (self.learner.model(), self.learner.optimizer());
+        let Some((best, score)) = &self.best else {
+            return TrainState { epoch: self.epoch, model: network, optimizer };
+        };
+        optimizer.extend(self.learner.beside_the_best());
+        optimizer.insert(BEST.to_owned(), Array { shape: vec![1], values: vec![*score] });
+        TrainState { epoch: self.epoch, model: best.clone(), optimizer }
     }
 
     /// Learns from every sample once, in an order given by the seed and the number of the epoch.
@@ -271,12 +331,15 @@ impl<'a> Trainer<'a> {
     /// `progress` hears of every batch and may end training by [`ControlFlow::Break`].
     ///
     /// # Errors
-    /// [`UnetError::NotFinite`] if a loss is not a finite number, [`UnetError::Cancelled`] if `progress` ended training;
+    /// [`UnetError::PickWithoutValidation`] if nothing tells which epoch is the best, [`UnetError::NotFinite`] if a loss is not a finite number, [`UnetError::Cancelled`] if `progress` ended training;
     /// the trainer then lies in the middle of an epoch and is of no further use.
     pub fn epoch(
         &mut self,
         progress: &mut dyn FnMut(&BatchReport) -> ControlFlow<()>,
     ) -> Result<EpochMetrics, UnetError> {
+        if self.config.pick == Pick::Best && self.validation.is_none() {
+            return Err(UnetError::PickWithoutValidation);
+        }
         let (tiles, epoch, config) = (self.tiles, self.epoch + 1, &self.config);
         let order = Order::new(tiles.samples(), self.seed, epoch);
         let mut batches = order.batches(config.batch as usize);
@@ -303,7 +366,20 @@ impl<'a> Trainer<'a> {
         }
         self.epoch = epoch;
         let loss = loss_sum / tiles.samples() as f64;
-        Ok(EpochMetrics { epoch, loss, fit: Fit::new(self.outputs, &tally), samples: tiles.samples() as u64 })
+        let (fit, samples) = (Fit::new(self.outputs, &tally), tiles.samples() as u64);
+        Ok(EpochMetrics { epoch, loss, fit, validation: self.validate()?, samples })
+    }
+
+    /// Predicts the windows of the validation, and keeps the network if it is the best so far and that is to be kept.
+    fn validate(&mut self) -> Result<Option<Validation>, UnetError> {
+        let Some(tiles) = self.validation else { return Ok(None) };
+        let model = self.learner.model();
+        let validation = Validation::of(&self.learner.network(&self.config.network, &model)?, tiles);
+        let score = validation.score() as f32;
+        if self.config.pick == Pick::Best && self.best.as_ref().is_none_or(|(_, best)| score > *best) {
+            self.best = Some((model, score));
+        }
+        Ok(Some(validation))
     }
 }
 

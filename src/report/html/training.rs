@@ -7,7 +7,7 @@ use super::cache::Fragment;
 use super::lineage::stage_name;
 use super::maps::{gathered, missing};
 use crate::domain::quantize::class_weights;
-use crate::domain::unet::{EpochMetrics, Fit};
+use crate::domain::unet::{EpochMetrics, Fit, Validation};
 use crate::kinds::Checkpoint;
 use crate::report::charts::{Line, curves};
 use crate::store::{Role, RunNode};
@@ -33,13 +33,19 @@ fn one(source: &Source<'_>, node: &RunNode) -> Fragment {
             let loss = curves(&[line("loss", metrics, |m| m.loss)], title, "epoch", false);
             let (lines, title) = fits(metrics);
             let fit = curves(&lines, title, "epoch", true);
+            let validation = validations(metrics);
+            let validation = if validation.is_empty() {
+                String::new()
+            } else {
+                curves(&validation, "On windows that are not learned from", "epoch", true)
+            };
             let list =
                 |values: Vec<f64>| values.iter().map(|value| format!("{value:.3}")).collect::<Vec<_>>().join(", ");
             let samples = metrics.last().map_or(0, |m| m.samples);
             Fragment::whole(
                 html! {
                     figure.wide {
-                        div.charts { (PreEscaped(loss)) (PreEscaped(fit)) }
+                        div.charts { (PreEscaped(loss)) (PreEscaped(fit)) (PreEscaped(validation)) }
                         figcaption {
                             "Training over " (checkpoint.state.epoch) " epochs of " (samples) " samples, batches of "
                             (config.batch) ", learning rate " (config.learning_rate) ". "
@@ -82,6 +88,17 @@ fn fits(metrics: &[EpochMetrics]) -> (Vec<Line>, &'static str) {
             (lines, "Accuracy, and recall by class")
         }
     }
+}
+
+/// Returns the curves of how well other windows were predicted; none if there are no others.
+fn validations(metrics: &[EpochMetrics]) -> Vec<Line> {
+    let names = match metrics.last().and_then(|m| m.validation) {
+        None => return Vec::new(),
+        Some(Validation::Classes { .. }) => ["accuracy", "mean recall"],
+        Some(Validation::Ranks { .. }) => ["Spearman", "AUC, visited or not"],
+    };
+    let number = |which: usize| move |m: &EpochMetrics| m.validation.map_or(f64::NAN, |v| v.numbers()[which]);
+    vec![line(names[0], metrics, number(0)), line(names[1], metrics, number(1))]
 }
 
 /// Returns the node itself, or if it was not made its last epoch that was.
