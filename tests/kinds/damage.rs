@@ -1,6 +1,7 @@
 //! Damaged and foreign files are named, and nothing panics.
 
 use std::collections::BTreeMap;
+use std::error::Error;
 use std::sync::Arc;
 
 use arrow::array::{ArrayRef, BooleanArray, Int8Array, Int64Array, RecordBatch, UInt8Array, UInt32Array};
@@ -130,6 +131,16 @@ fn foreign_and_wrong_files_are_named() {
     let shuffled: ArrayRef = Arc::new(UInt32Array::from(vec![0, 1, 1, 0]));
     let wrong = "the column `row` of `Labels` holds `1` in row 1, expected was row-major order";
     Forged::labels().column("row", shuffled).refused(wrong, "trodden show");
+    // Found by a million random changes: a byte of a name that makes it that of another column.
+    let mut twice = Forged::labels();
+    twice.columns.push(twice.columns[0].clone());
+    twice.refused("the Parquet file of `Labels` is damaged", verify);
+    let cause = "it has more than one column `row`";
+    let errors: [Box<dyn Error>; 2] = [
+        Box::new(Placed::<Labels>::from_bytes(twice.bytes()).expect_err("two columns of a name")),
+        Box::new(data_frame(twice.bytes()).expect_err("two columns of a name")),
+    ];
+    assert!(errors.iter().all(|error| error.source().is_some_and(|source| source.to_string() == cause)), "{errors:?}");
     let error = Placed::<Labels>::from_bytes(b"row,col,class".to_vec()).expect_err("no Parquet");
     assert_eq!(error.to_string(), "the Parquet file of `Labels` is damaged");
 }

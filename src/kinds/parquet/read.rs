@@ -1,6 +1,6 @@
 //! Reads Parquet files and believes nothing: kind, format, columns, types, gaps and lengths are checked.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::panic::AssertUnwindSafe;
@@ -288,6 +288,11 @@ fn open(bytes: Bytes) -> Result<(Bytes, ArrowReaderMetadata), AnyError> {
         return Err("its schema does not hold together".into());
     }
     let opened = guarded(|| Ok(ArrowReaderMetadata::load(&bytes, ArrowReaderOptions::new())?))?;
+    // A name stands for one column, here and for whoever reads the file.
+    let mut names = BTreeSet::new();
+    if let Some(field) = opened.schema().fields().iter().find(|field| !names.insert(field.name())) {
+        return Err(format!("it has more than one column `{}`", field.name()).into());
+    }
     // The reader takes these on trust.
     let end = i64::try_from(bytes.len()).expect("no memory holds 2⁶³ bytes");
     let sound = opened.metadata().row_groups().iter().all(|group| {
