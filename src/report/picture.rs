@@ -261,3 +261,27 @@ impl Picture {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two pictures of 2 × 3 cells and a gap of two columns between them; the scale is that of both.
+    #[test]
+    fn pictures_stand_beside_each_other_on_one_scale() {
+        let picture = |values: [f32; 6], wall: usize| {
+            let walls = Grid::from_fn(2, 3, |cell| cell.row * 3 + cell.col == wall);
+            Picture::values(Frame::at_zero(0.1, 2, 3), Grid::from_vec(2, 3, values.to_vec()), Some(walls), "heat", None)
+        };
+        let (left, right) = (picture([0.0, 0.1, 0.2, 0.3, 0.4, 0.5], 0), picture([0.5, 0.6, 0.7, 0.8, 0.9, 1.0], 5));
+        let both = left.beside(&right);
+        assert_eq!((both.rows(), both.cols(), both.frame()), (2, 8, None));
+        let inks = both.inks(Scale::Linear);
+        let row = |row: usize| inks.row(row).to_vec();
+        let value = |number: f32| Ink::Value(both.axis(Scale::Linear).expect("values").at(number.into()));
+        let wall = || Ink::Wall;
+        let upper = vec![wall(), value(0.1), value(0.2), wall(), wall(), value(0.5), value(0.6), value(0.7)];
+        let lower = vec![value(0.3), value(0.4), value(0.5), wall(), wall(), value(0.8), value(0.9), wall()];
+        assert_eq!([row(0), row(1)], [upper, lower]);
+    }
+}
