@@ -5,19 +5,23 @@ mod encoding;
 pub mod samples;
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use proptest::prelude::*;
-use trodden::domain::geometry::{Frame, Grid, Point};
+use trodden::domain::annotate::{AnnotateConfig, Mode};
+use trodden::domain::geometry::{Cell, Frame, Grid, Point};
+use trodden::domain::map::OccupancyMap;
 use trodden::domain::planes::Plane;
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::ClassScores;
 use trodden::domain::tiles::{Target, Tiles};
 use trodden::domain::tracks::{Sample, Tracks};
-use trodden::domain::unet::{Compute, DeviceName, Network, Outputs};
+use trodden::domain::unet::{Compute, DeviceName, Outputs};
 use trodden::kinds::{
     Checkpoint, Heat, Kind, KindError, Model, Placed, SingleFile, TrackReader, TrackWriter, Written, chunk_files,
 };
+use trodden::stages::annotate::heat;
 use trodden::store::{Artifact, Store};
 
 fn store() -> (tempfile::TempDir, Store) {
@@ -182,13 +186,26 @@ fn a_model_is_kept_in_half_precision() {
     assert!(error.to_string().contains("half precision"), "{error}");
 }
 
+/// Two rooms of 5 m and a door of 0.9 m between them: nobody has to be told where people are, and where not.
 #[test]
-fn the_shipped_model_says_ranks() {
-    let model = Model::shipped();
+fn the_shipped_model_knows_doors_from_corners() {
+    let free = Grid::from_fn(52, 103, |cell| {
+        let inside = (1..51).contains(&cell.row) && (1..102).contains(&cell.col);
+        inside && (cell.col != 51 || (22..31).contains(&cell.row))
+    });
+    let map = OccupancyMap::new(free, Frame::at_zero(0.1, 52, 103)).expect("free cells");
     let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
-    let config = &model.config;
-    let network = Network::new(&config.network, &config.besides, config.outputs(), &model.network, &compute);
-    assert!(matches!(network.expect("complete").outputs(), Outputs::Ranks { .. }));
+    let config = AnnotateConfig { mode: Mode::Dense { offsets: 8, augment: true }, ..AnnotateConfig::default() };
+    let heat = heat(&map, &Model::shipped(), &config, &compute, &mut |_, _| ControlFlow::Continue(()));
+    let Heat { heat, density, .. } = heat.expect("a heat");
+    let at = |row, col| heat[Cell::new(row, col)];
+    assert!(at(26, 51) > 0.95, "in the door: {}", at(26, 51));
+    for (row, col) in [(3, 3), (3, 99), (48, 3), (48, 99), (3, 49), (48, 53)] {
+        assert!(at(row, col) < 0.2, "in a corner, at row {row} and column {col}: {}", at(row, col));
+    }
+    let density = density.expect("it says densities");
+    let mean = density.as_slice().iter().map(|density| f64::from(*density)).sum::<f64>() / map.free_cells() as f64;
+    assert!((mean - 1.0).abs() < 1e-4 && density[Cell::new(26, 51)] > 3.0, "{mean}");
 }
 
 #[test]

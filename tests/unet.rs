@@ -209,7 +209,8 @@ fn the_best_epoch_on_other_windows_is_kept() {
         passed_over += usize::from(best + 1 < seen.len());
         let state = picking.state();
         assert!(state.model == seen[best].1);
-        let mut resumed = Trainer::resume(&tiles, &[], &picks, &compute, 7, &state).expect("a state fits its own tiles");
+        let mut resumed =
+            Trainer::resume(&tiles, &[], &picks, &compute, 7, &state).expect("a state fits its own tiles");
         resumed.validate_on(&others).expect("windows of the same sort");
         assert_eq!(bits(&resumed.state()), bits(&state));
         picking = resumed;
