@@ -8,7 +8,8 @@ fn help_has_examples() {
     check("help", &place.out(&["--help"]));
     check("help-run", &place.out(&["run", "--help"]));
     let commands =
-        "run plan why status ls runs show sql diff report keep gc verify check schema init annotate completions";
+        "run plan why status ls runs show sql diff report keep gc verify check schema init annotate simulate \
+         completions";
     for command in commands.split(' ') {
         let help = place.out(&[command, "--help"]);
         assert!(help.starts_with(|c: char| c.is_ascii_uppercase()), "{help}");

@@ -16,6 +16,7 @@
 pub mod architecture;
 pub mod batches;
 pub mod compute;
+mod fit;
 pub mod layers;
 mod learner;
 pub mod loss;
@@ -29,10 +30,11 @@ pub mod validation;
 
 pub use architecture::Architecture;
 pub use compute::{Compute, DeviceName, Simd};
+pub use fit::Fit;
 pub use layers::{Array, Arrays, Layers};
 pub use network::Network;
 pub use outputs::Outputs;
-pub use trainer::{BatchReport, Decay, EpochMetrics, Fit, Pick, TrainConfig, TrainState, Trainer};
+pub use trainer::{BatchReport, Decay, EpochMetrics, Pick, TrainConfig, TrainState, Trainer};
 pub use validation::Validation;
 
 /// What keeps a network from being trained or applied.

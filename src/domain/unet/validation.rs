@@ -4,9 +4,10 @@ use serde::{Deserialize, Serialize};
 
 use super::UnetError;
 use super::batches::Batch;
+use super::fit::Fit;
 use super::network::Network;
+use super::outputs::Outputs;
 use super::tally::Tally;
-use super::trainer::Fit;
 use crate::domain::score::{auc, spearman};
 use crate::domain::tiles::{Target, Tiles};
 
@@ -96,7 +97,7 @@ impl Validation {
 /// # Errors
 /// [`UnetError`] if they are of another sort, or not of a size that the network takes.
 pub(super) fn check(tiles: &Tiles, validation: &Tiles, period: usize) -> Result<(), UnetError> {
-    let of = |tiles: &Tiles| (super::Outputs::of(&tiles.target), tiles.planes());
+    let of = |tiles: &Tiles| (Outputs::of(&tiles.target), tiles.planes());
     if of(tiles) != of(validation) || validation.is_empty() {
         return Err(UnetError::Validation);
     }
