@@ -222,7 +222,7 @@ fn the_best_epoch_on_other_windows_is_kept() {
         blind.epoch(&mut |_: &BatchReport| ControlFlow::Continue(())).err(),
         Some(UnetError::PickWithoutValidation)
     );
-    assert_eq!(blind.validate_on(&tiles_of_classes()).err(), Some(UnetError::Validation));
+    assert_eq!(blind.validate_on(&tiles_of_classes()).err(), Some(UnetError::OtherWindows));
     let deep = TrainConfig { network: Architecture { widths: vec![16; 4], convolutions: 1 }, ..last };
     let mut deep = Trainer::new(&tiles, &[], &deep, &compute, 7).expect("in range");
     assert_eq!(deep.validate_on(&others).err(), Some(UnetError::Window { size: 24, period: 16 }));

@@ -13,6 +13,7 @@ pub mod quantize;
 pub mod random;
 pub mod rank;
 pub mod raster;
+pub mod recording;
 pub mod score;
 pub mod social;
 pub mod tiles;

@@ -3,7 +3,7 @@
 //! A stage is a verb with typed inputs and one typed output. The pipeline never names one: it is handed a [`Register`].
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use serde_json::Value;
@@ -317,13 +317,17 @@ pub struct ParameterError {
     pub help: Option<String>,
 }
 
+/// Parses and checks the parameters of a stage: a JSON object without `use` and without the ports. Relative paths start at the
+/// folder of the pipeline file, which is handed in.
+pub type ParseStage = fn(&Value, &Path) -> Result<Arc<dyn Stage>, ParameterError>;
+
 /// One entry of the register.
 #[derive(Clone, Copy)]
 pub struct Entry {
     /// What is the same for every use of the stage.
     pub spec: &'static StageSpec,
-    /// Parses and checks the parameters: a JSON object without `use` and without the ports.
-    pub parse: fn(&Value) -> Result<Arc<dyn Stage>, ParameterError>,
+    /// Reads the parameters of a use.
+    pub parse: ParseStage,
     /// Returns the JSON Schema of the parameters.
     pub schema: fn() -> Value,
 }

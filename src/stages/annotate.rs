@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
@@ -38,7 +39,7 @@ impl Annotate {
     pub(super) const ENTRY: Entry =
         Entry { spec: &Self::SPEC, parse: Self::parse, schema: super::schema::<AnnotateFields> };
 
-    fn parse(value: &Value) -> Result<Arc<dyn Stage>, ParameterError> {
+    fn parse(value: &Value, _: &Path) -> Result<Arc<dyn Stage>, ParameterError> {
         let fields: AnnotateFields = super::parse(value)?;
         let config = AnnotateConfig::try_from(fields)
             .map_err(|error| ParameterError { help: advice(&error), ..super::refused_setting(&error) })?;

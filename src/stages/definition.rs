@@ -1,5 +1,6 @@
 //! What all stages have in common: parameters that are the stage itself, reading inputs and writing the output.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use schemars::JsonSchema;
@@ -29,7 +30,7 @@ pub(super) trait Definition: Stage + Serialize + DeserializeOwned + JsonSchema +
     }
 }
 
-fn parse_stage<S: Definition>(value: &Value) -> Result<Arc<dyn Stage>, ParameterError> {
+fn parse_stage<S: Definition>(value: &Value, _: &Path) -> Result<Arc<dyn Stage>, ParameterError> {
     let stage: S = parse(value)?;
     stage.check()?;
     Ok(Arc::new(stage))

@@ -14,6 +14,7 @@ mod definition;
 mod episodes;
 pub mod generate_map;
 pub mod import_map;
+pub mod import_tracks;
 pub mod isovist;
 pub mod map_origin;
 pub mod maps;
@@ -37,6 +38,7 @@ use definition::{
 pub const REGISTER: Register = Register {
     stages: &[
         simulate::Simulate::ENTRY,
+        import_tracks::ImportTracks::ENTRY,
         rasterize::Rasterize::ENTRY,
         quantize::Quantize::ENTRY,
         tile::Tile::ENTRY,

@@ -152,7 +152,7 @@ fn failed(error: UnetError) -> StageError {
         error @ UnetError::PickWithoutValidation => {
             StageError::failed(error).with_help("give `validation` windows of other maps, or leave `pick` out")
         }
-        error @ UnetError::Validation => {
+        error @ UnetError::OtherWindows => {
             StageError::failed(error).with_help("cut both by `tile` with the same `besides` and the same inputs")
         }
         error => StageError::failed(error),

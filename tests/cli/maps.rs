@@ -337,3 +337,63 @@ fn options_without_a_use_are_refused() {
     check("simulate-refused", &said.join("\n"));
     assert!(!place.path("out").exists());
 }
+
+/// Two people cross a room, one of them twice, and are counted as simulated ones are.
+#[test]
+fn recorded_people_are_counted() {
+    let place = Place::empty();
+    place.write("ward/map.pgm", room(40));
+    place.write("ward/map.yaml", ros("map.pgm", "", ""));
+    // In feet, turned by nothing, with the origin a meter to the right of and above the map's.
+    let feet = |meters: f64| (meters - 1.0) / 0.3048;
+    let line = |id: &str, t: f64, x: f64, y: f64| format!("{t};{id};{};{}\n", feet(x), feet(y));
+    let mut text = "seconds;who;x;y\n".to_owned();
+    for step in 0..=6 {
+        text += &line("anna", 0.5 * f64::from(step), 0.5 + 0.5 * f64::from(step), 2.05);
+        text += &line("ben", 0.5 * f64::from(step), 2.05, 0.6 + 0.5 * f64::from(step));
+    }
+    // Lost for ten seconds, and back again.
+    for step in 0..=6 {
+        text += &line("anna", 13.0 + 0.5 * f64::from(step), 3.5 - 0.5 * f64::from(step), 2.05);
+    }
+    place.write("recorded/people.csv", &text);
+    let pipeline = "maps: { train: { files: ward/map.yaml } }\nstages:\n  \
+                    walks: { use: import-tracks, map: $maps, file: recorded/people.csv, unit: ft, \
+                    columns: { id: who, time: seconds, x: x, y: y }, transform: { offset: [1, 1] } }\n  \
+                    visits: { use: rasterize, map: $maps, walks: walks }\n";
+    place.write("people.yaml", pipeline);
+    place.out(&["run", "people.yaml"]);
+    let at = |x: &str, y: &str| {
+        let said = place.out(&[
+            "sql",
+            "--json",
+            &format!(
+                "SELECT visits FROM 'visits/ward' WHERE x > {x} - 0.04 AND x < {x} + 0.04 AND y > {y} - 0.04 AND y < {y} + 0.04"
+            ),
+        ]);
+        said.trim().to_owned()
+    };
+    assert_eq!(at("3.05", "2.05"), r#"{"visits":2}"#, "anna, there and back");
+    assert_eq!(at("2.05", "3.05"), r#"{"visits":1}"#, "ben");
+    assert_eq!(at("2.05", "2.05"), r#"{"visits":3}"#, "both");
+    assert_eq!(at("1.05", "3.05"), r#"{"visits":0}"#, "nobody");
+
+    let refused = |code, from: &str, to: &str| {
+        let changed = pipeline.replace(from, to);
+        assert!(changed != pipeline, "{from}");
+        place.write("wrong.yaml", changed);
+        format!("# {from} -> {to}\n{}", place.refused(code, &["run", "wrong.yaml", "--jobs", "1"]))
+    };
+    let said = [
+        refused(2, "people.csv", "nobody.csv"),
+        refused(2, "unit: ft, ", ""),
+        refused(2, "time: seconds, ", ""),
+        refused(2, "time: seconds", "frame: seconds"),
+        refused(2, "offset: [1, 1]", "offset: [1, 1], homography: []"),
+        refused(2, "unit: ft", "units: ft, unit: ft"),
+        refused(1, "id: who", "id: name"),
+        refused(1, "x: x", "x: who"),
+        refused(1, "unit: ft", "unit: m"),
+    ];
+    check("tracks-refused", &said.join("\n"));
+}

@@ -305,7 +305,7 @@ fn schema() -> Value {
 
 macro_rules! entry {
     ($spec:ident) => {
-        Entry { spec: &$spec, parse: |value| toy(&$spec, value), schema }
+        Entry { spec: &$spec, parse: |value, _| toy(&$spec, value), schema }
     };
 }
 

@@ -3,6 +3,7 @@
 //! The stages of the network compute alike on every processor with the portable kernels; these are what is held here.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::process::Command;
 
 use serde_json::{Value, json};
@@ -108,7 +109,7 @@ impl Bench {
     /// Runs a stage of the register.
     fn check(&mut self, name: &str, parameters: Value, part: Part, ports: &[(&str, &Input)]) {
         let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
-        let stage = (entry.parse)(&parameters).expect("good parameters");
+        let stage = (entry.parse)(&parameters, &self.place.at("maps")).expect("good parameters");
         let ports: BTreeMap<String, Input> =
             ports.iter().map(|(port, input)| ((*port).to_owned(), (*input).clone())).collect();
         self.run(entry.spec, &*stage, part, &Inputs { ports, ..Inputs::default() });
@@ -138,7 +139,7 @@ impl Bench {
     fn network(&mut self) {
         let stage = |name: &str, parameters: Value| {
             let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
-            (entry.spec, (entry.parse)(&parameters).expect("good parameters"))
+            (entry.spec, (entry.parse)(&parameters, Path::new("")).expect("good parameters"))
         };
         let group = |artifact: Artifact| Input::Group(BTreeMap::from([("room".to_owned(), artifact)]));
         let one = |input: Input| match input {
@@ -155,11 +156,28 @@ impl Bench {
         let small = json!({ "widths": [16, 32, 16, 16] });
         let falling = json!({ "epochs": 2, "batch": 8, "network": small, "warmup": 3, "decay": { "from": 0.5 } });
         let cases = [
-            (vec![("labels", group(labels))], json!({ "epochs": 2, "batch": 8 }), vec![exact, dense.clone()]),
-            (vec![("visits", group(visits.clone())), ("dwell", group(visits))], falling, vec![dense]),
+            (
+                vec![("labels", group(labels))],
+                json!([]),
+                json!({ "epochs": 2, "batch": 8 }),
+                vec![exact, dense.clone()],
+            ),
+            (
+                vec![("visits", group(visits.clone())), ("dwell", group(visits.clone()))],
+                json!([]),
+                falling,
+                vec![dense.clone()],
+            ),
+            (
+                vec![("visits", group(visits))],
+                json!(["paths", "unknown"]),
+                json!({ "epochs": 2, "batch": 8, "average": 0.9 }),
+                vec![dense],
+            ),
         ];
-        for (known, training, annotations) in cases {
-            let (spec, tile) = stage("tile", json!({ "size": 16, "stride": 16, "min_labeled": 64 }));
+        for (known, besides, training, annotations) in cases {
+            let cut = json!({ "size": 16, "stride": 16, "min_labeled": 64, "besides": besides });
+            let (spec, tile) = stage("tile", cut);
             let inputs = ports([vec![("map", group(map.clone()))], known].concat());
             let tiles = self.run(spec, &*tile, Part::Whole, &inputs);
             let (spec, train) = stage("train", training);
@@ -198,6 +216,10 @@ fn output_changes_only_with_a_version() {
     bench.check_source("files", &json!("train_a.yaml"));
     bench.check_source("homes", &json!({ "count": 1, "first": 3, "area": [50, 60] }));
     bench.check_source("offices", &json!({ "count": 1, "area": [150, 200] }));
+    std::fs::write(bench.place.at("maps/people.txt"), "1 0 10 20\n1 8 90 30\n2 4 30 30\n2 20 95 45\n").expect("writes");
+    let columns = json!({ "id": 1, "frame": 2, "x": 3, "y": 4 });
+    let recorded = json!({ "file": "people.txt", "columns": columns, "unit": "cm", "frame_rate": 8, "off_map": 1 });
+    bench.check("import-tracks", recorded, Part::Whole, &[("map", &map)]);
     bench.check("simulate", crowd(json!({ "episodes": 4 })), Part::Chunk(0), &[("map", &map)]);
     bench.check("rasterize", json!({}), Part::Whole, &[("map", &map), ("walks", &walks)]);
     bench.check("rasterize", json!({ "count": "steps" }), Part::Whole, &[("map", &map), ("walks", &walks)]);
@@ -229,6 +251,7 @@ fn output_changes_only_with_a_version() {
         "import-map 3 b7ebf1a695f0f910",
         "generate-map 1 80f54047a065fb99",
         "generate-map 1 989c93a8be7cbef2",
+        "import-tracks 1 e8526029e7aa4e42",
         "simulate 2 d92fe9d3736d0b78",
         "rasterize 2 b6e3fd3eb8a7f279",
         "rasterize 2 78154f09d6d70df6",
@@ -239,7 +262,7 @@ fn output_changes_only_with_a_version() {
         "score 3 23a10bd1b3875863",
         "navigate 2 cba8cb0dc2ac3973",
         "cost 3 3f6ba027cfb18f33",
-        "rank 1 496a82b1dfef1e6f",
+        "rank 2 496a82b1dfef1e6f",
         "score 3 3dda59153ed319d8",
         "cost 3 c66d2b415525f89a",
         "wall-distance 1 63e44d4938f0ad51",
@@ -280,6 +303,10 @@ fn the_network_changes_only_with_a_version() {
         "train 2 f4bbd6ae2bfebddc",
         "train 2 8c995bf59d21fbed",
         "annotate 3 f6c5c855718ae113",
+        "tile 2 3b49a6ee9e5b1ad7",
+        "train 2 9282400f855c65f8",
+        "train 2 32c1748ba9d84daf",
+        "annotate 3 fbea8768e9059b14",
     ];
     assert_eq!(found, expected, "{}: raise VERSION of the stage, then update this digest", told.stderr);
 }

@@ -62,7 +62,7 @@ pub enum UnetError {
     #[error("the checkpoint is of a network for {found} classes, the tiles have {expected}")]
     ClassMismatch { expected: usize, found: usize },
     #[error("the windows of the validation have other planes or another target than those that are learned from")]
-    Validation,
+    OtherWindows,
     #[error("`pick` is `best`, but no windows tell which epoch was")]
     PickWithoutValidation,
     #[error("the loss of batch {batch} of epoch {epoch} is `{loss}`: lower `learning_rate`")]

@@ -99,7 +99,7 @@ impl Validation {
 pub(super) fn check(tiles: &Tiles, validation: &Tiles, period: usize) -> Result<(), UnetError> {
     let of = |tiles: &Tiles| (Outputs::of(&tiles.target), tiles.planes());
     if of(tiles) != of(validation) || validation.is_empty() {
-        return Err(UnetError::Validation);
+        return Err(UnetError::OtherWindows);
     }
     if !validation.size.is_multiple_of(period) {
         return Err(UnetError::Window { size: validation.size, period });

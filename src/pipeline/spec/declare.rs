@@ -67,7 +67,7 @@ pub(super) fn read(tree: &Tree, request: &Request) -> Result<Declared, Vec<Probl
         None => Vec::new(),
     };
     let stages = match tree.get("stages") {
-        Some(member) => read_stages(&member.value, request.register, &mut problems),
+        Some(member) => read_stages(&member.value, folder, request.register, &mut problems),
         // A key that is probably `stages` misspelt says enough.
         None if problems.is_empty() => {
             problems.push(Problem::new(start_of(tree.span), "the file has no `stages:`"));
@@ -220,12 +220,12 @@ fn explain_source(source: &MapSource, member: &Member, folder: &Path, error: Par
     }
 }
 
-fn read_stages(value: &Tree, register: &Register, problems: &mut Vec<Problem>) -> Vec<Use> {
+fn read_stages(value: &Tree, folder: &Path, register: &Register, problems: &mut Vec<Problem>) -> Vec<Use> {
     let members = mapping(value, "`stages`", problems);
-    members.iter().filter_map(|member| read_stage(member, register, problems)).collect()
+    members.iter().filter_map(|member| read_stage(member, folder, register, problems)).collect()
 }
 
-fn read_stage(member: &Member, register: &Register, problems: &mut Vec<Problem>) -> Option<Use> {
+fn read_stage(member: &Member, folder: &Path, register: &Register, problems: &mut Vec<Problem>) -> Option<Use> {
     check_name(member, "stage", problems);
     if member.key == "maps" {
         let help = "it would be mistaken for the maps themselves";
@@ -239,7 +239,7 @@ fn read_stage(member: &Member, register: &Register, problems: &mut Vec<Problem>)
     };
     let entry = keep(read_use(member, settings, register), problems)?;
     let seed = own_seed(settings, entry.spec.name, entry.spec.seeded, problems);
-    let stage = read_parameters(member, settings, entry, problems);
+    let stage = read_parameters(member, settings, (entry, folder), problems);
     let ports = read_ports(member, settings, entry, problems);
     let stage = stage?;
     let empty = match stage.division() {
@@ -358,18 +358,18 @@ fn told_of_absence(
 fn read_parameters(
     member: &Member,
     settings: &[Member],
-    entry: &'static Entry,
+    (entry, folder): (&'static Entry, &Path),
     problems: &mut Vec<Problem>,
 ) -> Option<Arc<dyn Stage>> {
     let mut common: Vec<&str> = entry.spec.ports.iter().map(|port| port.name).collect();
     common.extend(entry.spec.seeded.then_some("seed"));
     let is_common = |key: &str| key == "use" || key == "seed" || common.contains(&key);
     let own: Vec<&Member> = settings.iter().filter(|setting| !is_common(&setting.key)).collect();
-    match (entry.parse)(&object(own.iter().copied())) {
+    match (entry.parse)(&object(own.iter().copied()), folder) {
         Ok(stage) => Some(stage),
         Err(error) => {
             let schema = (entry.schema)();
-            let parse = |value: &Value| (entry.parse)(value).map(drop);
+            let parse = |value: &Value| (entry.parse)(value, folder).map(drop);
             let refused = parameters::Refused { members: &own, at: member.key_span, owner: &member.key, more: &common };
             problems.extend(refused.explain(&schema, &parse, error));
             None
