@@ -22,6 +22,9 @@ pub enum PipelineError {
     /// The pipeline file asks for something that cannot be.
     #[error(transparent)]
     Spec(#[from] SpecError),
+    /// There is more to do than can be planned.
+    #[error("the pipeline has {tasks} nodes, chunks and epochs included; at most {most} can be planned")]
+    TooLarge { tasks: u64, most: usize },
     /// A name given by the user is no node, stage or part of the pipeline.
     #[error("unknown node `{name}`")]
     UnknownNode { name: String, help: Option<String> },
@@ -49,6 +52,9 @@ impl PipelineError {
     pub fn help(&self) -> Option<String> {
         match self {
             Self::UnknownNode { help, .. } => help.clone(),
+            Self::TooLarge { .. } => Some(
+                "ask for fewer maps, episodes or epochs, or split them between pipelines over one store".to_owned(),
+            ),
             Self::Sources { source: StageError::Failed { help, .. }, .. } => help.clone(),
             Self::Sources { source: StageError::Store(error), .. } | Self::Store(error) => error.help(),
             Self::Read { source, .. } if source.kind() == std::io::ErrorKind::NotFound => {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::error::PipelineError;
-use super::spec::{Node, Pipeline, Wire, suggest};
+use super::spec::{MOST_TASKS, Node, Pipeline, Wire, suggest};
 use super::stage::{Division, Part};
 use crate::store::{NodeName, NodePart, Role};
 
@@ -78,7 +78,14 @@ struct Made {
 
 impl<'p> Graph<'p> {
     /// Divides the nodes of a pipeline.
-    pub(crate) fn new(pipeline: &'p Pipeline) -> Self {
+    ///
+    /// # Errors
+    /// [`PipelineError::TooLarge`] if there are too many tasks to plan.
+    pub(crate) fn new(pipeline: &'p Pipeline) -> Result<Self, PipelineError> {
+        let tasks = count_tasks(&pipeline.nodes);
+        if tasks > MOST_TASKS as u64 {
+            return Err(PipelineError::TooLarge { tasks, most: MOST_TASKS });
+        }
         let mut graph = Self { pipeline, tasks: Vec::with_capacity(pipeline.nodes.len()), dependents: Vec::new() };
         let mut made: Vec<Made> = Vec::with_capacity(pipeline.nodes.len());
         for (index, node) in pipeline.nodes.iter().enumerate() {
@@ -91,7 +98,7 @@ impl<'p> Graph<'p> {
                 graph.dependents[*read].push(index);
             }
         }
-        graph
+        Ok(graph)
     }
 
     /// Returns the node of a task.
@@ -183,6 +190,26 @@ impl<'p> Graph<'p> {
         self.tasks.push(Task { node, work, name, ports, parts: Vec::new(), previous: None, reads });
         self.tasks.len() - 1
     }
+}
+
+/// Counts the tasks of nodes, each of which stands after those that it reads, without making them.
+fn count_tasks(nodes: &[Node]) -> u64 {
+    let mut parts: Vec<u64> = Vec::with_capacity(nodes.len());
+    let mut tasks = 0;
+    for node in nodes {
+        let (chunks, steps) = match node.stage.division() {
+            Division::Whole => (0, 0),
+            Division::Chunks(count) => (u64::from(count), 0),
+            Division::Chain(count) => (0, u64::from(count)),
+            Division::Follows(port) => {
+                let followed = node.inputs.iter().find(|input| input.port == port).map(|input| &input.wire);
+                (if let Some(Wire::One(node)) = followed { parts[*node] } else { 0 }, 0)
+            }
+        };
+        parts.push(chunks);
+        tasks += 1 + chunks + steps;
+    }
+    tasks
 }
 
 /// Returns what is at the ports that a part reads.

@@ -70,7 +70,7 @@ pub struct PlanCounts {
 /// # Errors
 /// If a name means nothing, a source file cannot be read, or the store cannot.
 pub fn plan(pipeline: &Pipeline, lookups: &impl Lookups, only: &[String]) -> Result<Plan, PipelineError> {
-    let graph = Graph::new(pipeline);
+    let graph = Graph::new(pipeline)?;
     let mut ledger = Ledger::new(&graph, lookups, only, true)?;
     ledger.advance();
     if let Some((_, error)) = ledger.troubles.pop() {

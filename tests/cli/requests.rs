@@ -152,3 +152,25 @@ fn options_out_of_range() {
         requests.iter().map(|words| place.refused(2, &[&["run", "tiny.yaml"], *words].concat())).collect();
     check("refused-options", &said.join("\n"));
 }
+
+/// Of each of twelve maps itself, a million episodes in chunks of twenty, and their visits chunk by chunk; a hundred thousand
+/// epochs.
+#[test]
+fn more_than_can_be_planned_is_refused() {
+    let place = Place::empty();
+    place.write(
+        "large.yaml",
+        "maps: { train: { homes: { count: 12 } } }\nstages:\n  \
+         walks: { use: simulate, map: $maps, episodes: 1000000 }\n  \
+         visits: { use: rasterize, map: $maps, walks: walks }\n  \
+         tiles: { use: tile, map: $maps, visits: visits }\n  \
+         model: { use: train, tiles: tiles, epochs: 100000 }\n",
+    );
+    let nodes = 12 * (1 + 50_001 + 50_001) + 1 + 100_001;
+    let expected = format!(
+        "error: the pipeline has {nodes} nodes, chunks and epochs included; at most 500000 can be planned\nhelp: ask for fewer \
+         maps, episodes or epochs, or split them between pipelines over one store\n"
+    );
+    assert_eq!(place.refused(2, &["plan", "large.yaml"]), expected);
+    assert_eq!(place.refused(2, &["run", "large.yaml"]), expected);
+}

@@ -36,7 +36,7 @@ pub fn execute(
     sink: &mut dyn FnMut(&Event),
 ) -> Result<RunReport, PipelineError> {
     let begun = clock::Begun::now();
-    let graph = Graph::new(pipeline);
+    let graph = Graph::new(pipeline)?;
     let ledger = Ledger::new(&graph, store, &options.only, false)?;
     let recorder = recorder::Recorder::new(store, pipeline, options, begun);
     let mut scheduler = scheduler::Scheduler::new(store, options, ledger, recorder, sink);

@@ -24,6 +24,7 @@ use super::error::{PipelineError, Problem, Span, SpecError};
 use super::stage::StageError;
 use crate::store::{open_regular, read_bounded};
 
+pub(crate) use pipeline::MOST_TASKS;
 pub use pipeline::{Connection, MapGroup, Node, Pipeline, Wire};
 pub use request::Request;
 
@@ -81,6 +82,10 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         overrides::apply(&mut tree, number, setting, request.variables).map_err(|problem| vec![problem])?;
     }
     let declared = declare::read(&tree, request)?;
+    let maps = declared.groups.iter().map(|group| group.maps.len()).sum::<usize>();
+    if maps > MOST_TASKS {
+        return Err(vec![too_many(maps, "maps")]);
+    }
     let stem = request.file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let name = declared.name.clone().or(stem).unwrap_or_else(|| "pipeline".to_owned());
     if let Some(fault) = names::fault(&name) {
@@ -90,6 +95,9 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
     }
     let seed = declared.seed;
     let (groups, nodes) = connect::connect(declared)?;
+    if nodes.len() > MOST_TASKS {
+        return Err(vec![too_many(nodes.len(), "nodes")]);
+    }
     let settings: String = request.sets.iter().map(|setting| format!("# --set {setting}\n")).collect();
     Ok(Pipeline {
         name,
@@ -100,4 +108,10 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         groups,
         nodes,
     })
+}
+
+fn too_many(count: usize, what: &str) -> Problem {
+    let message = format!("the pipeline has {count} {what}; at most {MOST_TASKS} can be planned");
+    Problem::new(Span::default(), message)
+        .with_help("ask for fewer maps, or split them between pipelines over one store")
 }

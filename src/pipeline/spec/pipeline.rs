@@ -6,6 +6,9 @@ use std::sync::Arc;
 use crate::pipeline::stage::{Stage, StageSpec};
 use crate::store::NodeName;
 
+/// The most nodes of a pipeline, chunks and epochs included: they are planned in memory, at more than a kilobyte each.
+pub(crate) const MOST_TASKS: usize = 500_000;
+
 /// A checked pipeline: every port is connected to artifacts of the right kind, and there is no cycle.
 #[derive(Debug)]
 pub struct Pipeline {
