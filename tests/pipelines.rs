@@ -2,7 +2,7 @@
 
 use std::ffi::OsStr;
 use std::fs;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use serde_json::Value;
@@ -27,13 +27,15 @@ stages:
   costs:  { use: cost,      trips: trips, heat: heat }
 "#;
 
+/// What pipelines may ask for: the variable that names a folder, and the need that has it.
+const FOLDERS: [(&str, Need); 2] = [("TRODDEN_MAPS", Need::Maps), ("TRODDEN_TRACKS", Need::Tracks)];
+
 /// Runs the program in a folder.
-fn trodden(folder: &Path, arguments: &[&OsStr], maps: Option<&Path>) -> Output {
+fn trodden(folder: &Path, arguments: &[&OsStr], named: &[(&str, PathBuf)]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trodden"));
-    command.current_dir(folder).arg("--json").args(arguments).env_remove("TRODDEN_MAPS");
-    if let Some(maps) = maps {
-        command.env("TRODDEN_MAPS", maps);
-    }
+    command.current_dir(folder).arg("--json").args(arguments);
+    FOLDERS.iter().for_each(|(variable, _)| drop(command.env_remove(variable)));
+    command.envs(named.iter().map(|(variable, folder)| (variable, folder)));
     let output = command.output().expect("the program starts");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{arguments:?}: {said}");
@@ -46,11 +48,11 @@ fn objects(output: &Output) -> Vec<Value> {
 }
 
 /// Checks and plans a pipeline on an empty store: nothing is there, maps can be made, and all else depends on them.
-fn check(file: &Path, maps: Option<&Path>) -> Vec<Value> {
+fn check(file: &Path, named: &[(&str, PathBuf)]) -> Vec<Value> {
     let folder = tempfile::tempdir().expect("there is room for a folder");
-    let checked = objects(&trodden(folder.path(), &[OsStr::new("check"), file.as_os_str()], maps));
+    let checked = objects(&trodden(folder.path(), &[OsStr::new("check"), file.as_os_str()], named));
     assert_eq!(checked[0]["pipeline"], file.file_stem().and_then(OsStr::to_str).expect("a name"));
-    let mut planned = objects(&trodden(folder.path(), &[OsStr::new("plan"), file.as_os_str()], maps));
+    let mut planned = objects(&trodden(folder.path(), &[OsStr::new("plan"), file.as_os_str()], named));
     let counts = planned.pop().expect("a plan ends with its counts");
     let with = |state: &str| planned.iter().filter(|node| node["state"] == state).count();
     assert_eq!(counts["hit"], 0, "{}", file.display());
@@ -66,18 +68,18 @@ fn check(file: &Path, maps: Option<&Path>) -> Vec<Value> {
 #[test]
 fn every_shipped_pipeline_is_planned() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let maps = Need::Maps.folder();
     let mut seen = 0;
     for entry in fs::read_dir(root.join("pipelines")).expect("lists") {
         let file = entry.expect("lists").path();
         if file.extension() != Some(OsStr::new("yaml")) {
             continue;
         }
-        let needs_maps = fs::read_to_string(&file).expect("reads").contains("${TRODDEN_MAPS}");
-        if needs_maps && maps.is_none() {
-            continue;
-        }
-        let nodes = check(&file, maps.as_deref().filter(|_| needs_maps));
+        let text = fs::read_to_string(&file).expect("reads");
+        let asked = FOLDERS.iter().filter(|(variable, _)| text.contains(&format!("${{{variable}}}")));
+        let named: Option<Vec<(&str, PathBuf)>> =
+            asked.map(|(variable, need)| Some((*variable, need.folder()?))).collect();
+        let Some(named) = named else { continue };
+        let nodes = check(&file, &named);
         let ends = |node: &Value| node["stage"] == "cost" || node["stage"] == "train";
         assert!(nodes.iter().any(ends), "{} ends in costs or in a model", file.display());
         seen += 1;
@@ -90,7 +92,7 @@ fn the_example_of_the_design_is_planned() {
     let folder = tempfile::tempdir().expect("there is room for a folder");
     let file = folder.path().join("homes.yaml");
     fs::write(&file, DESIGN).expect("writes");
-    let nodes = check(&file, None);
+    let nodes = check(&file, &[]);
     // 15 maps; of each walks and visits with ten chunks, and labels; tiles; model with five epochs; four over the test maps.
     assert_eq!(nodes.len(), 15 + 15 * (11 + 11 + 1) + 1 + 6 + 4 * 3);
 }

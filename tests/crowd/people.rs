@@ -7,9 +7,10 @@ use std::path::Path;
 
 use rayon::prelude::*;
 use trodden::domain::crowd::{CrowdConfig, Preset, Scene};
-use trodden::domain::geometry::{Grid, Point};
+use trodden::domain::geometry::{Frame, Grid, Point};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::raster::{Count, Sweep, rasterize};
+use trodden::domain::recording::{self, Joined, RecordingConfig};
 use trodden::domain::score::{auc, spearman};
 use trodden::domain::tracks::Sample;
 
@@ -81,4 +82,83 @@ fn a_comfortable_crowd_is_nearer_to_people_than_the_shortest_ways() {
     let [shortest, comfortable] = [Preset::Shortest, Preset::Comfortable].map(|preset| crowd(&preset.config()));
     println!("shortest ways: {shortest:.3?}, comfortable ones: {comfortable:.3?}");
     assert!(comfortable[0] > shortest[0] + 0.03 && comfortable[1] > shortest[1] + 0.01);
+}
+
+/// Reads a recording as `import-tracks` does.
+fn imported(map: &OccupancyMap, text: &str, header: bool, config: serde_json::Value) -> Joined {
+    let config: RecordingConfig = serde_json::from_value(config).expect("a configuration");
+    config.check().expect("in range");
+    let sightings = recording::sightings(&recording::read(text, header), &config).expect("sightings");
+    recording::join(sightings, map, &config).expect("tracks")
+}
+
+/// Joined at ten samples a second, in legs of its own, the recording says the same of the distance to the wall as its notes.
+#[test]
+fn an_imported_recording_is_the_recording() {
+    let Some(tracks) = Need::Tracks.folder() else { return };
+    let map = import(&tracks.join("thor1/map.yaml"), 0.1);
+    let text = std::fs::read_to_string(tracks.join("thor1/tracks.csv")).expect("the tracks are readable");
+    let columns = serde_json::json!({ "time": 1, "id": 2, "x": 3, "y": 4 });
+    let joined = imported(&map, &text, false, serde_json::json!({ "columns": columns, "unit": "m" }));
+    let ids: std::collections::BTreeSet<&str> = text.lines().filter_map(|line| line.split(',').nth(1)).collect();
+    assert_eq!((joined.people, joined.sightings), (ids.len(), text.lines().count()));
+    let people = visits(&map, &joined.tracks.samples, 1);
+    let [rho, area] = agreement(&on_free(&map, &map.clearance()), &people);
+    println!("wall distance: Spearman {rho:.3}, AUC {area:.3}");
+    assert!((rho - 0.683).abs() < 0.01 && (area - 0.903).abs() < 0.01, "{rho} {area}");
+}
+
+/// People and positions are those that the files hold, counted line by line; so are the bounds of the places.
+#[test]
+fn recordings_of_others_are_read() {
+    let Some(tracks) = Need::Tracks.folder() else { return };
+    let frame = Frame { origin: Point::new(-30.0, -30.0), ..Frame::at_zero(0.5, 240, 240) };
+    let map = OccupancyMap::new(Grid::filled(240, 240, true), frame).expect("free cells");
+    let check = |name: &str, unit: f64, places: [usize; 3], config: serde_json::Value| {
+        let bytes = std::fs::read(tracks.join("formats").join(name)).expect("a recording");
+        let text = if name.ends_with(".gz") { unpacked(&bytes) } else { String::from_utf8(bytes).expect("is text") };
+        let header = config["columns"]["id"].is_string();
+        let cells = |line: &str| -> Vec<String> {
+            let parts = line.split(|letter: char| letter == ',' || letter == ' ');
+            parts.map(|cell| cell.trim_matches('"').to_owned()).collect()
+        };
+        let [id, x, y] = places;
+        let rows = text.lines().map(cells).filter(|row| row.get(x).is_some_and(|x| x.parse::<f64>().is_ok()));
+        let rows: Vec<Vec<String>> = rows.collect();
+        let people: std::collections::BTreeSet<&String> = rows.iter().map(|row| &row[id]).collect();
+        let joined = imported(&map, &text, header, config);
+        assert_eq!((joined.people, joined.sightings), (people.len(), rows.len()), "{name}");
+        for (place, of) in [(x, (|p: Point| p.x) as fn(Point) -> f64), (y, |p: Point| p.y)] {
+            let most =
+                rows.iter().map(|row| row[place].parse::<f64>().expect("a number") * unit).fold(f64::MIN, f64::max);
+            let found =
+                joined.tracks.samples.iter().map(|s| of(map.frame().to_map(s.position))).fold(f64::MIN, f64::max);
+            // Samples lie between sightings, or on them.
+            assert!(found <= most + 1e-9 && found > most - 0.3, "{name}: {found} {most}");
+        }
+    };
+    let json = |columns: serde_json::Value, unit: &str, rate: Option<f64>| serde_json::json!({ "columns": columns, "unit": unit, "frame_rate": rate });
+    let numbers = serde_json::json!({ "id": 1, "frame": 2, "x": 3, "y": 4 });
+    check("juelich.txt", 0.01, [0, 2, 3], json(numbers, "cm", Some(16.0)));
+    let names = serde_json::json!({ "id": "id", "time": "t", "x": "x", "y": "y" });
+    check("pathfinder.csv", 1.0, [1, 4, 5], json(names, "m", None));
+    let names = serde_json::json!({ "id": "pedID", "time": "time", "x": "posX", "y": "posY" });
+    check("crowdit.csv.gz", 1.0, [1, 2, 3], json(names, "m", None));
+}
+
+/// Unpacks gzip by the system's own tool.
+fn unpacked(bytes: &[u8]) -> String {
+    use std::io::Write;
+    let mut child = std::process::Command::new("gzip")
+        .arg("-dc")
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("gzip starts");
+    let mut input = child.stdin.take().expect("piped");
+    let bytes = bytes.to_vec();
+    let writer = std::thread::spawn(move || input.write_all(&bytes));
+    let output = child.wait_with_output().expect("gzip ends");
+    writer.join().expect("no panic").expect("gzip reads");
+    String::from_utf8(output.stdout).expect("is text")
 }
