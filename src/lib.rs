@@ -21,7 +21,7 @@
 //!
 //! | room | what it does | may import |
 //! |---|---|---|
-//! | [`domain`] | computes: maps, crowds, counts, labels, windows, the network, annotation, baselines, scores, costs | nothing of ours |
+//! | [`domain`] | computes: maps, crowds, recordings, counts, labels, windows, the network, annotation, baselines, scores, costs | nothing of ours |
 //! | [`store`] | keeps: objects, recipes, runs, plain names, collection, verification | nothing of ours |
 //! | [`kinds`] | encodes: one file per artifact kind, value to bytes and back | domain, store |
 //! | [`pipeline`] | decides: file, plan, execution, events | store |
@@ -32,9 +32,9 @@
 //! `tests/architecture.rs` holds the sources against this table.
 //!
 //! Beside the domain's rooms for maps, crowds and the network stand `random` (named streams of random numbers), `tracks`
-//! (positions frame by frame), `links` (steps over a grid) and `rank` (what a heat is), which several of them share. In the
-//! pipeline, `graph` expands nodes into chunks and steps and `ledger` knows what is on record; plan and execution are two
-//! readers of the same ledger, so that they cannot disagree.
+//! (positions frame by frame), `links` (steps over a grid), `rank` (what a heat is) and `planes` (what a network is shown of a
+//! cell), which several of them share. In the pipeline, `graph` expands nodes into chunks and steps and `ledger` knows what is
+//! on record; plan and execution are two readers of the same ledger, so that they cannot disagree.
 //!
 //! # Invariants
 //!
