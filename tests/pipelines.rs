@@ -34,7 +34,9 @@ const FOLDERS: [(&str, Need); 2] = [("TRODDEN_MAPS", Need::Maps), ("TRODDEN_TRAC
 fn trodden(folder: &Path, arguments: &[&OsStr], named: &[(&str, PathBuf)]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_trodden"));
     command.current_dir(folder).arg("--json").args(arguments);
-    FOLDERS.iter().for_each(|(variable, _)| drop(command.env_remove(variable)));
+    for (variable, _) in FOLDERS {
+        command.env_remove(variable);
+    }
     command.envs(named.iter().map(|(variable, folder)| (variable, folder)));
     let output = command.output().expect("the program starts");
     let said = String::from_utf8_lossy(&output.stderr);

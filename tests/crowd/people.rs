@@ -119,7 +119,7 @@ fn recordings_of_others_are_read() {
         let text = if name.ends_with(".gz") { unpacked(&bytes) } else { String::from_utf8(bytes).expect("is text") };
         let header = config["columns"]["id"].is_string();
         let cells = |line: &str| -> Vec<String> {
-            let parts = line.split(|letter: char| letter == ',' || letter == ' ');
+            let parts = line.split([',', ' ']);
             parts.map(|cell| cell.trim_matches('"').to_owned()).collect()
         };
         let [id, x, y] = places;
