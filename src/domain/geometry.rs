@@ -335,7 +335,7 @@ impl Frame {
     /// Returns row and column of a point of the local frame, which may lie outside of the grid.
     #[must_use]
     pub fn signed_cell(&self, local: Point) -> (isize, isize) {
-        let row = self.rows as isize - 1 - (local.y / self.resolution).floor() as isize;
+        let row = (self.rows as isize - 1).saturating_sub((local.y / self.resolution).floor() as isize);
         (row, (local.x / self.resolution).floor() as isize)
     }
 

@@ -137,22 +137,12 @@ impl Picture {
         };
         assert_eq!(values.rows(), others.rows(), "pictures of one height");
         let gap = (values.cols() / 40).max(2);
-        let join = |left: &dyn Fn(Cell) -> f32, right: &dyn Fn(Cell) -> f32, between: f32| {
-            Grid::from_fn(values.rows(), values.cols() + gap + others.cols(), |cell| {
-                let Cell { row, col } = cell;
-                match col.checked_sub(values.cols() + gap) {
-                    Some(col) => right(Cell::new(row, col)),
-                    None if col < values.cols() => left(cell),
-                    None => between,
-                }
-            })
+        let blocked = |walls: &Option<Grid<bool>>, of: &Grid<f32>| {
+            walls.clone().unwrap_or_else(|| Grid::filled(of.rows(), of.cols(), false))
         };
-        let blocked = |walls: &Option<Grid<bool>>, cell| walls.as_ref().is_some_and(|walls| walls[cell]);
-        let number = |blocked: bool| f32::from(u8::from(blocked));
-        let all = join(&|cell| number(blocked(walls, cell)), &|cell| number(blocked(other_walls, cell)), 1.0);
-        let values = join(&|cell| values[cell], &|cell| others[cell], 0.0);
-        let walls = Some(all.map(|blocked| *blocked > 0.0));
-        Self { frame: None, layer: Layer::Values { values, walls, unit, empty: *empty } }
+        let walls = joined(&blocked(walls, values), &blocked(other_walls, others), gap, true);
+        let values = joined(values, others, gap, 0.0);
+        Self { frame: None, layer: Layer::Values { values, walls: Some(walls), unit, empty: *empty } }
     }
 
     /// Returns where the picture lies.
@@ -260,6 +250,16 @@ impl Picture {
             Layer::Painted { legend, .. } => Key { bar: None, legend: legend.clone() },
         }
     }
+}
+
+/// Sets a grid of the same height to the right of another, with a gap of so many columns between them.
+fn joined<T: Copy>(left: &Grid<T>, right: &Grid<T>, gap: usize, between: T) -> Grid<T> {
+    let start = left.cols() + gap;
+    Grid::from_fn(left.rows(), start + right.cols(), |cell| match cell.col.checked_sub(start) {
+        Some(col) => right[Cell::new(cell.row, col)],
+        None if cell.col < left.cols() => left[cell],
+        None => between,
+    })
 }
 
 #[cfg(test)]

@@ -5,14 +5,16 @@ use std::ops::ControlFlow;
 
 use rayon::prelude::*;
 
+use super::rank;
 use super::simulate::BATCH;
-use super::{crowd, rank};
 use crate::domain::crowd::{CrowdConfig, Episode, Scene, Summary};
 use crate::domain::map::OccupancyMap;
 use crate::domain::raster::{Count, RasterConfig, Rasterizer};
 use crate::kinds::{Heat, SingleFile};
 use crate::pipeline::stage::StageError;
 use crate::store::Digest;
+
+pub use super::crowd::warnings;
 
 /// What to simulate.
 #[derive(Debug, Clone, PartialEq)]
@@ -66,10 +68,4 @@ pub fn heat(
     }
     let _ = progress(numbers.len(), numbers.len());
     Ok((rank::heat(map, &paths.finish(), Some(&steps.finish())), summary))
-}
-
-/// Returns what there is to say where the people were not those that were asked for.
-#[must_use]
-pub fn warnings(config: &CrowdConfig, summary: &Summary) -> Vec<String> {
-    crowd::warnings(config, summary)
 }

@@ -1,7 +1,7 @@
 //! Sightings joined to tracks.
 
 use super::{RecordingConfig, RecordingError, Sighting};
-use crate::domain::geometry::{Cell, Point};
+use crate::domain::geometry::Point;
 use crate::domain::map::OccupancyMap;
 use crate::domain::tracks::{Sample, Tracks};
 
@@ -57,11 +57,11 @@ pub fn join(
             return Err(RecordingError::TwoPlaces { person: pair[0].person, time: pair[0].time });
         }
         joined.people += 1;
-        let mut walk = Walk { map, config, first, leg: 0, stood: false, last: None };
-        for run in person.chunk_by(|a, b| b.time - a.time <= config.max_gap + 1e-9) {
+        let mut walk = Walk { map, config, first, leg: 0, last: None };
+        for (number, run) in person.chunk_by(|a, b| b.time - a.time <= config.max_gap + 1e-9).enumerate() {
+            joined.breaks += usize::from(number > 0);
             walk.run(run, &mut joined);
         }
-        joined.breaks += walk.leg_breaks(person);
     }
     Ok(joined)
 }
@@ -73,8 +73,6 @@ struct Walk<'a> {
     /// Time of the first frame.
     first: f64,
     leg: u32,
-    /// Whether the leg has ended by standing.
-    stood: bool,
     /// The last frame that was written.
     last: Option<i64>,
 }
@@ -85,8 +83,9 @@ impl Walk<'_> {
         if self.last.is_some() {
             self.leg += 1;
         }
-        let (mut walked, id) = (false, run[0].person);
-        self.stood = false;
+        let id = run[0].person;
+        // Whether anybody has walked in this run, and whether the leg has ended by standing.
+        let (mut walked, mut stood) = (false, false);
         if let [alone] = run {
             let frame = ((alone.time - self.first) * self.config.rate).round() as i64;
             self.write(id, frame, alone.position, Point::default(), joined);
@@ -98,10 +97,10 @@ impl Walk<'_> {
             let stands = a.position.distance(b.position) < self.config.standing * seconds;
             if !stands {
                 // Who stands before they have walked waits for the leg to come.
-                self.leg += u32::from(self.stood && walked);
+                self.leg += u32::from(stood && walked);
                 walked = true;
             }
-            self.stood = stands;
+            stood = stands;
             let frame = |time: f64| (time - self.first) * self.config.rate;
             // A frame on a sighting is written once, by the step that ends there, or begins if it is the first.
             let (from, to) = ((frame(a.time) - 1e-6).ceil() as i64, (frame(b.time) + 1e-6).floor() as i64);
@@ -123,21 +122,17 @@ impl Walk<'_> {
         let (position, velocity) = (to_map.to_local(position), to_map.vector_to_local(velocity));
         joined.tracks.samples.push(Sample { episode: 0, id, frame, position, velocity, path: self.leg });
     }
-
-    fn leg_breaks(&self, person: &[Sighting]) -> usize {
-        person.windows(2).filter(|pair| pair[1].time - pair[0].time > self.config.max_gap + 1e-9).count()
-    }
 }
 
 /// Counts the positions that lie in walls or off the map; refuses too many.
 fn off_map(sightings: &[Sighting], map: &OccupancyMap, config: &RecordingConfig) -> Result<usize, RecordingError> {
     let frame = map.frame();
     let is_free = |position: Point| {
-        let local = frame.to_local(position);
-        let col = (local.x / frame.resolution).floor();
-        let row = frame.rows as f64 - 1.0 - (local.y / frame.resolution).floor();
-        let inside = row >= 0.0 && col >= 0.0 && row < frame.rows as f64 && col < frame.cols as f64;
-        inside && map.free()[Cell::new(row as usize, col as usize)]
+        // What a homography takes to infinity lies nowhere.
+        position.x.is_finite() && position.y.is_finite() && {
+            let (row, col) = frame.signed_cell(frame.to_local(position));
+            map.is_free(row, col)
+        }
     };
     let off = sightings.iter().filter(|sighting| !is_free(sighting.position)).count();
     let share = off as f64 / sightings.len() as f64;

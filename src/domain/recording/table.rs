@@ -77,7 +77,7 @@ pub fn sightings(cells: &Cells, config: &RecordingConfig) -> Result<Vec<Sighting
         if config.columns.time.is_some() { 1.0 } else { config.frame_rate.ok_or(RecordingError::FrameRate)? };
     let unit = config.unit.ok_or(RecordingError::NoUnit)?.meters();
     let mut people = People::default();
-    let mut found: Vec<Sighting> = Vec::new();
+    let (mut found, mut passed_over): (Vec<Sighting>, Option<RecordingError>) = (Vec::new(), None);
     for (line, row) in &cells.rows {
         let number = |place: usize, what: &'static str| -> Result<f64, RecordingError> {
             let (line, short) = (*line, row.len());
@@ -90,7 +90,10 @@ pub fn sightings(cells: &Cells, config: &RecordingConfig) -> Result<Vec<Sighting
         };
         let [time, x, y] = match numbers() {
             Ok(numbers) => numbers,
-            Err(_) if found.is_empty() => continue,
+            Err(error) if found.is_empty() => {
+                passed_over.get_or_insert(error);
+                continue;
+            }
             Err(error) => return Err(error),
         };
         let Some(id) = row.get(places.id) else {
@@ -102,18 +105,7 @@ pub fn sightings(cells: &Cells, config: &RecordingConfig) -> Result<Vec<Sighting
     }
     if found.is_empty() {
         // All lines were passed over: the first one tells why.
-        let Some((line, row)) = cells.rows.first() else { return Err(RecordingError::Empty) };
-        let wanted = [(places.clock, "a time"), (places.x, "x"), (places.y, "y")];
-        return Err(wanted
-            .into_iter()
-            .find_map(|(place, what)| match row.get(place) {
-                None => Some(RecordingError::ShortLine { line: *line, found: row.len(), wanted: place + 1 }),
-                Some(text) if text.parse::<f64>().is_err() => {
-                    Some(RecordingError::NoNumber { line: *line, text: text.clone(), what })
-                }
-                Some(_) => None,
-            })
-            .unwrap_or(RecordingError::Empty));
+        return Err(passed_over.unwrap_or(RecordingError::Empty));
     }
     Ok(found)
 }
