@@ -55,6 +55,10 @@ pub struct CrowdConfig {
     pub variety: f64,
     /// Distance in meters over which one person's likes and dislikes change.
     pub variety_scale: f64,
+    /// Share of starts and goals that are drawn from rooms alone: where there is space to stay in. 0: they lie anywhere.
+    pub rooms: f64,
+    /// What a room is: a place at least so many meters wide.
+    pub room_width: f64,
 }
 
 /// The normal distribution of preferred speeds, cut at both ends, in meters per second.
@@ -79,7 +83,7 @@ pub enum Preset {
     /// The shortest ways, which graze corners, as the paper has them: what holds where no preset is named.
     Shortest,
     /// Ways that keep off walls and corners as far as there is room, and that differ from person to person; goals keep off
-    /// walls, too.
+    /// walls, too, and nine of ten lie in rooms.
     Comfortable,
 }
 
@@ -147,6 +151,13 @@ pub struct CrowdFields {
     /// Distance in meters over which one person's likes and dislikes change [0.8 m].
     #[schemars(range(min = 0.05, max = 10.0))]
     pub variety_scale: Option<f64>,
+    /// Share of starts and goals that are drawn from rooms alone: people pass through corridors, and stay where there is
+    /// space [0: anywhere; `comfortable`: 0.9].
+    #[schemars(range(min = 0.0, max = 1.0))]
+    pub rooms: Option<f64>,
+    /// What a room is: a place at least so many meters wide [2.1].
+    #[schemars(range(min = 0.1, max = 20.0))]
+    pub room_width: Option<f64>,
 }
 
 /// Preferred speeds as a pipeline file has them, in meters per second.
@@ -185,6 +196,8 @@ impl Default for CrowdConfig {
             clearance_scale: 0.3,
             variety: 0.0,
             variety_scale: 0.8,
+            rooms: 0.0,
+            room_width: 2.1,
         }
     }
 }
@@ -207,7 +220,7 @@ impl Preset {
             },
             Self::Shortest => CrowdConfig::default(),
             Self::Comfortable => {
-                CrowdConfig { margin: 0.2, clearance_cost: 3.0, variety: 1.0, ..CrowdConfig::default() }
+                CrowdConfig { margin: 0.2, clearance_cost: 3.0, variety: 1.0, rooms: 0.9, ..CrowdConfig::default() }
             }
         }
     }
@@ -238,6 +251,8 @@ impl From<CrowdFields> for CrowdConfig {
             clearance_scale: fields.clearance_scale.unwrap_or(base.clearance_scale),
             variety: fields.variety.unwrap_or(base.variety),
             variety_scale: fields.variety_scale.unwrap_or(base.variety_scale),
+            rooms: fields.rooms.unwrap_or(base.rooms),
+            room_width: fields.room_width.unwrap_or(base.room_width),
         }
     }
 }
@@ -294,6 +309,8 @@ impl CrowdConfig {
             ("clearance_scale", self.clearance_scale, 0.01, 10.0),
             ("variety", self.variety, 0.0, 2.0),
             ("variety_scale", self.variety_scale, 0.05, 10.0),
+            ("rooms", self.rooms, 0.0, 1.0),
+            ("room_width", self.room_width, 0.1, 20.0),
         ];
         for (field, value, min, max) in ranges {
             // Written so that what is not a number is refused too.
@@ -382,7 +399,7 @@ mod tests {
         let given = CrowdConfig { agents: [2, 4], agents_area: None, ..CrowdConfig::default() };
         for config in [CrowdConfig::default(), Preset::Igibson.config(), Preset::Comfortable.config(), given] {
             let written = serde_json::to_value(&config).expect("settings are JSON");
-            assert_eq!(written.as_object().map(|o| o.len()), Some(19));
+            assert_eq!(written.as_object().map(|o| o.len()), Some(21));
             assert_eq!(read(written), config);
         }
     }

@@ -1,8 +1,8 @@
 //! The map itself: which cells are free, how far they are from what is not, and what a sensor shows of them.
 
-use super::distance::squared_wall_distances;
+use super::distance::{squared_distances, squared_wall_distances};
 use super::observed::Observed;
-use crate::domain::geometry::{Frame, Grid};
+use crate::domain::geometry::{Cell, Frame, Grid};
 
 /// The free cells of a floor, and where they lie in the world.
 ///
@@ -124,12 +124,28 @@ impl OccupancyMap {
         // Half a cell of 0.1 m times three must not miss 0.15 m by a rounding.
         self.clearance().map(|clearance| *clearance >= radius - 1e-9 && *clearance > 0.0)
     }
+
+    /// Returns the cells in a disc of `radius` meters that touches no blocked cell, its center being that of a cell: the
+    /// places at least twice the radius wide (the morphological opening of the free floor).
+    #[must_use]
+    pub fn opened(&self, radius: f64) -> Grid<bool> {
+        let centers = self.eroded(radius);
+        let reach = radius / self.resolution();
+        // The transform takes what is beyond the grid for a center.
+        let rim = reach as usize + 1;
+        let is_center = |row: usize, col: usize| {
+            centers.get(row as isize - rim as isize, col as isize - rim as isize) == Some(&true)
+        };
+        let (rows, cols) = (centers.rows(), centers.cols());
+        let away = Grid::from_fn(rows + 2 * rim, cols + 2 * rim, |cell| !is_center(cell.row, cell.col));
+        let distances = squared_distances(&away);
+        Grid::from_fn(rows, cols, |cell| distances[Cell::new(cell.row + rim, cell.col + rim)] <= reach * reach + 1e-9)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::geometry::Cell;
 
     fn grid(rows: &[&str]) -> Grid<bool> {
         Grid::from_fn(rows.len(), rows[0].len(), |c| rows[c.row].as_bytes()[c.col] == b'.')
@@ -140,6 +156,35 @@ mod tests {
         let map = OccupancyMap::new(grid(&[".....", ".....", "....."]), Frame::at_zero(0.1, 3, 5)).expect("a map");
         assert!((map.clearance()[Cell::new(1, 2)] - 0.15).abs() < 1e-12);
         assert_eq!(map.eroded(0.1).as_slice().iter().filter(|f| **f).count(), 3);
+    }
+
+    /// Two rooms of 3.2 m × 3.2 m on a corridor 1.6 m wide that is 8 m long, in cells of 0.1 m.
+    #[test]
+    fn rooms_are_opened_and_corridors_are_not() {
+        let plan = [
+            "############",
+            "#....##....#",
+            "#....##....#",
+            "#....##....#",
+            "#....##....#",
+            "#.#######.##",
+            "#..........#",
+            "#..........#",
+            "############",
+        ];
+        let free = Grid::from_fn(72, 96, |cell| plan[cell.row / 8].as_bytes()[cell.col / 8] == b'.');
+        let map = OccupancyMap::new(free, Frame::at_zero(0.1, 72, 96)).expect("a map");
+        let rooms = map.opened(1.05);
+        // In the first room, in the corridor.
+        assert!(rooms[Cell::new(20, 20)] && !rooms[Cell::new(56, 40)]);
+        // A disc of 1.05 m in the corner at (8, 8) has its center 1.05 m from both walls, on the middle of cell (18, 18). It
+        // holds the middle of (11, 11), 7·√2 = 9.9 cells off, but not that of (10, 10), 11.3 cells off.
+        assert!(rooms[Cell::new(11, 11)] && !rooms[Cell::new(10, 10)]);
+        assert!(rooms[Cell::new(8, 18)] && rooms[Cell::new(18, 8)]);
+        // Of a floor that ends with the grid, what lies beyond is no place.
+        let bare = OccupancyMap::new(Grid::filled(16, 64, true), Frame::at_zero(0.1, 16, 64)).expect("a map");
+        assert!(!bare.opened(1.05).as_slice().contains(&true));
+        assert!(bare.opened(0.75)[Cell::new(8, 30)]);
     }
 
     #[test]
