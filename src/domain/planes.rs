@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::baselines::rough_betweenness;
+use super::baselines::{comfortable_betweenness, rough_betweenness};
 use super::geometry::Grid;
 use super::map::{Observed, OccupancyMap};
 use super::rank::share_below;
@@ -17,11 +17,13 @@ pub enum Plane {
     /// The share of the map's free cells that fewer shortest paths lead over: what the whole building, which no window shows,
     /// makes of the cell.
     Paths,
+    /// The same of the ways that people like: off walls, different from person to person, from room to room.
+    Ways,
 }
 
 impl Plane {
     /// All planes, in the order in which a network is shown them.
-    pub const ALL: [Self; 2] = [Self::Unknown, Self::Paths];
+    pub const ALL: [Self; 3] = [Self::Unknown, Self::Paths, Self::Ways];
 
     /// Returns the name.
     #[must_use]
@@ -29,6 +31,7 @@ impl Plane {
         match self {
             Self::Unknown => "unknown",
             Self::Paths => "paths",
+            Self::Ways => "ways",
         }
     }
 
@@ -37,7 +40,7 @@ impl Plane {
     pub const fn most(self) -> u8 {
         match self {
             Self::Unknown => 1,
-            Self::Paths => 255,
+            Self::Paths | Self::Ways => 255,
         }
     }
 
@@ -46,11 +49,15 @@ impl Plane {
     pub fn of(self, map: &OccupancyMap) -> Grid<u8> {
         match self {
             Self::Unknown => map.observed().map(|observed| u8::from(*observed == Observed::Unknown)),
-            Self::Paths => {
-                let most = f32::from(self.most());
-                share_below(&rough_betweenness(map), map.free()).map(|share| libm::roundf(share * most) as u8)
-            }
+            Self::Paths => self.shares(&rough_betweenness(map), map),
+            Self::Ways => self.shares(&comfortable_betweenness(map), map),
         }
+    }
+
+    /// Returns the codes of the shares of free cells that numbers are below of.
+    fn shares(self, numbers: &Grid<f64>, map: &OccupancyMap) -> Grid<u8> {
+        let most = f32::from(self.most());
+        share_below(numbers, map.free()).map(|share| libm::roundf(share * most) as u8)
     }
 }
 
@@ -73,7 +80,7 @@ mod tests {
 
     #[test]
     fn planes_have_an_order_and_occur_once() {
-        assert_eq!(sorted(vec![Plane::Paths, Plane::Unknown]), Ok(Plane::ALL.to_vec()));
+        assert_eq!(sorted(vec![Plane::Ways, Plane::Paths, Plane::Unknown]), Ok(Plane::ALL.to_vec()));
         assert_eq!(sorted(vec![Plane::Paths; 2]), Err("`paths` occurs twice".to_owned()));
         for plane in Plane::ALL {
             assert_eq!(serde_json::to_value(plane).expect("a name"), plane.name());
@@ -98,9 +105,11 @@ mod tests {
             inside && (cell.col != 41 || (16..26).contains(&cell.row))
         });
         let map = OccupancyMap::new(free, Frame::at_zero(0.1, 42, 83)).expect("free cells");
-        let paths = Plane::Paths.of(&map);
-        assert_eq!(paths, Plane::Paths.of(&map));
-        let (door, corner, wall) = (paths[Cell::new(21, 41)], paths[Cell::new(2, 2)], paths[Cell::new(5, 41)]);
-        assert!(door > 240 && corner < 40 && wall == 0, "{door} {corner} {wall}");
+        for plane in [Plane::Paths, Plane::Ways] {
+            let paths = plane.of(&map);
+            assert_eq!(paths, plane.of(&map));
+            let (door, corner, wall) = (paths[Cell::new(21, 41)], paths[Cell::new(2, 2)], paths[Cell::new(5, 41)]);
+            assert!(door > 240 && corner < 40 && wall == 0, "{door} {corner} {wall}");
+        }
     }
 }

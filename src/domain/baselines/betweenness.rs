@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::Watch;
 use super::error::{BaselineError, check_range};
-use super::paths::Search;
+use super::paths::{Ground, Plain, Search};
 use super::swept::swept;
 use crate::domain::geometry::{Grid, Meters};
 use crate::domain::links::{LENGTHS, Links};
@@ -101,7 +101,7 @@ pub fn betweenness(
     let radius = config.radius.get();
     let open = map.eroded(radius);
     let sources = draw_sources(&open, config.sources as usize, stream);
-    let passages = passages(&open, &sources, u32::MAX, &|passages, _| passages, watch)?;
+    let passages = passages(&open, &sources, u32::MAX, &|_| Plain, &|passages, _| passages, watch)?;
     Some(swept(&passages, map.free(), radius / map.resolution()))
 }
 
@@ -120,7 +120,7 @@ pub fn criticality(
     let open = map.eroded(radius);
     let sources = draw_sources(&open, config.sources(map), stream);
     let limit = (config.reach.get() / map.resolution() * f64::from(LENGTHS[0])) as u32;
-    let passages = passages(&open, &sources, limit, &|passages, paths| passages / paths as f64, watch)?;
+    let passages = passages(&open, &sources, limit, &|_| Plain, &|passages, paths| passages / paths as f64, watch)?;
     Some(swept(&passages, map.free(), radius / map.resolution()))
 }
 
@@ -136,11 +136,13 @@ fn draw_sources(open: &Grid<bool>, count: usize, stream: &mut Stream) -> Vec<usi
     cells
 }
 
-/// Adds up what the paths from all sources give each cell, `value` of its passages and of the number of paths.
-pub(super) fn passages(
+/// Adds up what the paths from all sources give each cell, `value` of its passages and of the number of paths; the ground
+/// is that of each source, by its number.
+pub(super) fn passages<G: Ground>(
     open: &Grid<bool>,
     sources: &[usize],
     limit: u32,
+    ground: &(dyn Fn(usize) -> G + Sync),
     value: &(dyn Fn(f64, usize) -> f64 + Sync),
     watch: Watch<'_>,
 ) -> Option<Vec<f64>> {
@@ -148,8 +150,8 @@ pub(super) fn passages(
     let sum = |start: usize| {
         let mut sum = vec![0.0; open.len()];
         let mut search = Search::new(&links);
-        for source in sources.iter().skip(start).step_by(SUMS) {
-            search.from(*source, limit, |index, passages, paths| sum[index] += value(passages, paths));
+        for (number, source) in sources.iter().enumerate().skip(start).step_by(SUMS) {
+            search.from(*source, limit, &ground(number), |index, passages, paths| sum[index] += value(passages, paths));
             if !watch() {
                 return None;
             }

@@ -18,7 +18,7 @@ mod swept;
 pub use betweenness::{BetweennessConfig, CriticalityConfig, betweenness, criticality};
 pub use error::BaselineError;
 pub use isovist::{IsovistConfig, isovist};
-pub use rough::rough_betweenness;
+pub use rough::{comfortable_betweenness, rough_betweenness};
 
 use super::geometry::Grid;
 use super::map::{OccupancyMap, squared_distances};

@@ -1,12 +1,9 @@
-//! Shortest paths from one cell to all others, and how many of them lead over each cell (Brandes 2001).
+//! Shortest or cheapest paths from one cell to all others, and how many of them lead over each cell (Brandes 2001).
 //!
 //! Cells are joined to their eight neighbors, corners not cut. Where several paths are shortest, each counts alike: on open
 //! floor most of them run near the straight line.
 
 use crate::domain::links::{LENGTHS, Links, length_of};
-
-/// Ring of buckets: more than the cost of one step.
-const BUCKETS: usize = 128;
 
 /// A number of paths, which soon passes what floats hold: `value` · 2^(512 · `scale`).
 #[derive(Debug, Clone, Copy, Default)]
@@ -45,6 +42,33 @@ impl Count {
     }
 }
 
+/// Where paths lead and what they cost.
+pub(super) trait Ground {
+    /// The most that a cell costs.
+    const MOST: u32;
+
+    /// Returns the factor of the length of a step onto a cell, 1 to [`MOST`](Self::MOST).
+    fn toll(&self, cell: usize) -> u32;
+
+    /// Returns how many paths end in a cell.
+    fn ends(&self, cell: usize) -> f64;
+}
+
+/// All cells cost the same, and one path ends in each.
+pub(super) struct Plain;
+
+impl Ground for Plain {
+    const MOST: u32 = 1;
+
+    fn toll(&self, _: usize) -> u32 {
+        1
+    }
+
+    fn ends(&self, _: usize) -> f64 {
+        1.0
+    }
+}
+
 /// The working memory of searches, kept between them so that a search costs no more than what it reaches.
 pub(super) struct Search<'l> {
     links: &'l Links,
@@ -53,6 +77,7 @@ pub(super) struct Search<'l> {
     passages: Vec<f64>,
     /// The cells that the last search reached, the nearest first.
     reached: Vec<u32>,
+    /// A ring of as many as a power of two above the cost of any step.
     buckets: Vec<Vec<u32>>,
 }
 
@@ -65,26 +90,26 @@ impl<'l> Search<'l> {
             count: vec![Count::default(); cells],
             passages: vec![0.0; cells],
             reached: Vec::new(),
-            buckets: vec![Vec::new(); BUCKETS],
+            buckets: Vec::new(),
         }
     }
 
-    /// Returns the linked neighbors of a cell with the costs of the steps there.
+    /// Returns the linked neighbors of a cell with the lengths of the steps there and back.
     fn neighbors(&self, index: usize) -> impl Iterator<Item = (usize, u32)> + use<'l> {
         self.links.neighbors_of(index).map(|(step, next)| (next, LENGTHS[length_of(step)]))
     }
 
-    /// Follows the shortest paths from `source` to each cell within `limit`; `each` hears of every cell but the source how
-    /// many of the paths lead over it or end there, and how many paths there are.
-    pub fn from(&mut self, source: usize, limit: u32, mut each: impl FnMut(usize, f64, usize)) {
-        self.reach(source, limit);
-        self.count_paths();
+    /// Follows the cheapest paths from `source` to each cell within `limit`; `each` hears of every cell but the source how
+    /// many of the paths lead over it or end there, and how many other cells are reached.
+    pub fn from(&mut self, source: usize, limit: u32, ground: &impl Ground, mut each: impl FnMut(usize, f64, usize)) {
+        self.reach(source, limit, ground);
+        self.count_paths(ground);
         let paths = self.reached.len() - 1;
         for at in (1..self.reached.len()).rev() {
             let index = self.reached[at] as usize;
-            let (passages, count) = (self.passages[index], self.count[index]);
+            let (passages, count, toll) = (self.passages[index], self.count[index], ground.toll(index));
             for (before, step) in self.neighbors(index) {
-                if self.cost[before].checked_add(step) == Some(self.cost[index]) {
+                if self.cost[before].checked_add(step * toll) == Some(self.cost[index]) {
                     self.passages[before] += passages * self.count[before].share_of(count);
                 }
             }
@@ -96,22 +121,24 @@ impl<'l> Search<'l> {
     }
 
     /// Finds the costs of all cells within the limit, by Dijkstra's algorithm with buckets.
-    fn reach(&mut self, source: usize, limit: u32) {
+    fn reach<G: Ground>(&mut self, source: usize, limit: u32, ground: &G) {
+        let ring = ((LENGTHS[1] * G::MOST) as usize + 1).next_power_of_two();
+        self.buckets.resize_with(ring, Vec::new);
         self.cost[source] = 0;
         self.buckets[0].push(source as u32);
         let (mut waiting, mut cost) = (1usize, 0u32);
         while waiting > 0 {
-            while let Some(index) = self.buckets[cost as usize % BUCKETS].pop() {
+            while let Some(index) = self.buckets[cost as usize & (ring - 1)].pop() {
                 waiting -= 1;
                 if self.cost[index as usize] != cost {
                     continue;
                 }
                 self.reached.push(index);
                 for (next, step) in self.neighbors(index as usize) {
-                    let there = cost + step;
+                    let there = cost + step * ground.toll(next);
                     if there < self.cost[next] && there <= limit {
                         self.cost[next] = there;
-                        self.buckets[there as usize % BUCKETS].push(next as u32);
+                        self.buckets[there as usize & (ring - 1)].push(next as u32);
                         waiting += 1;
                     }
                 }
@@ -120,17 +147,18 @@ impl<'l> Search<'l> {
         }
     }
 
-    fn count_paths(&mut self) {
+    fn count_paths(&mut self, ground: &impl Ground) {
         for (at, index) in self.reached.iter().enumerate() {
             let index = *index as usize;
+            let toll = ground.toll(index);
             let mut count = if at == 0 { Count::ONE } else { Count::default() };
             for (before, step) in self.neighbors(index) {
-                if self.cost[before].checked_add(step) == Some(self.cost[index]) {
+                if self.cost[before].checked_add(step * toll) == Some(self.cost[index]) {
                     count.add(self.count[before]);
                 }
             }
             self.count[index] = count;
-            self.passages[index] = 1.0;
+            self.passages[index] = ground.ends(index);
         }
     }
 }
@@ -152,7 +180,7 @@ mod tests {
         // Twice: the memory of the first search is clean.
         for _ in 0..2 {
             found.clear();
-            search.from(source, limit, |index, passages, _| found.push((index, passages)));
+            search.from(source, limit, &Plain, |index, passages, _| found.push((index, passages)));
         }
         found.sort_by_key(|found| found.0);
         found
@@ -168,6 +196,30 @@ mod tests {
     fn paths_of_equal_length_count_alike() {
         // To the cell a knight's move away (index 5) lead two paths, over the cell beside the source and over the corner.
         assert_eq!(passages(&["S..", "..."], u32::MAX), [(1, 1.0 + 1.0 + 0.5), (2, 1.0), (3, 1.0), (4, 1.5), (5, 1.0)]);
+    }
+
+    /// Over the middle of the upper row a step costs thrice as much, so that the paths to the right go below: two steps to
+    /// corners, of 99 each, instead of 210 and 70. Two paths end there, and one in each other cell.
+    #[test]
+    fn cheap_cells_are_walked_over() {
+        struct Dear;
+        impl Ground for Dear {
+            const MOST: u32 = 3;
+
+            fn toll(&self, cell: usize) -> u32 {
+                if cell == 1 { 3 } else { 1 }
+            }
+
+            fn ends(&self, cell: usize) -> f64 {
+                if cell == 2 { 2.0 } else { 1.0 }
+            }
+        }
+        let links = Links::new(&Grid::filled(2, 3, true));
+        let mut found = Vec::new();
+        Search::new(&links).from(0, u32::MAX, &Dear, |index, passages, reached| found.push((index, passages, reached)));
+        found.sort_by_key(|found| found.0);
+        // To the dear cell straight; to the lower right (169) over the middle below, as the two to the upper right.
+        assert_eq!(found, [(1, 1.0, 5), (2, 2.0, 5), (3, 1.0, 5), (4, 4.0, 5), (5, 1.0, 5)]);
     }
 
     #[test]

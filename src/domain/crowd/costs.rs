@@ -52,16 +52,8 @@ impl Costs {
         if config.clearance_cost == 0.0 && config.variety == 0.0 {
             return None;
         }
-        let (cost, scale) = (config.clearance_cost, config.clearance_scale);
-        let by_clearance = space
-            .map()
-            .clearance()
-            .map(|clearance| PLAIN * (1.0 + cost * libm::exp((space.radius() - clearance) / scale)) as f32);
-        let torus = if config.variety == 0.0 {
-            Grid::filled(1, 1, 1.0)
-        } else {
-            field(config.variety_scale / space.map().resolution()).map(|g| libm::exp(config.variety * g) as f32)
-        };
+        let by_clearance = space.map().clearance().map(|clearance| PLAIN * clearance_factor(config, *clearance) as f32);
+        let torus = variety(config, space.map().resolution());
         let open = space.open().as_slice().iter().zip(by_clearance.as_slice());
         let (cheapest, dearest) = bounds(open.filter(|(open, _)| **open).map(|(_, cost)| *cost));
         let (lowest, highest) = bounds(torus.as_slice().iter().copied());
@@ -124,6 +116,22 @@ impl Tasted<'_> {
         }
         f64::from(sum) * length / points as f64
     }
+}
+
+/// Returns how many times as much as far from walls a meter costs at a clearance in meters.
+#[must_use]
+pub fn clearance_factor(config: &CrowdConfig, clearance: f64) -> f64 {
+    1.0 + config.clearance_cost * libm::exp((config.radius - clearance) / config.clearance_scale)
+}
+
+/// Computes the factors by which costs differ from person to person, on a torus with a power of two cells of `resolution`
+/// meters to a side; a single 1 where nobody differs.
+#[must_use]
+pub fn variety(config: &CrowdConfig, resolution: f64) -> Grid<f32> {
+    if config.variety == 0.0 {
+        return Grid::filled(1, 1, 1.0);
+    }
+    field(config.variety_scale / resolution).map(|g| libm::exp(config.variety * g) as f32)
 }
 
 fn rounded(cost: f32) -> u16 {

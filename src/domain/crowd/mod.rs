@@ -32,6 +32,7 @@ mod walker;
 mod walkers;
 
 pub use config::{CrowdConfig, CrowdFields, MOST_WALKERS, Preset, Speed, SpeedFields};
+pub use costs::{clearance_factor, variety};
 pub use episode::{Episode, Summary};
 pub use navigation::{FEWEST_PEDESTRIANS, NavConfig, NavEpisode, Robot};
 pub use routes::Route;
