@@ -145,8 +145,8 @@ proptest! {
         let ranks = |of: usize| (0..cells).map(|i| (draw(i + of) % 65) as f32 / 64.0).collect::<Vec<_>>();
         let target = match seed % 3 {
             0 => Target::Classes { classes: 4, labels: (0..cells).map(|i| (draw(i) % 6) as i8 - 1).collect() },
-            1 => Target::Ranks { rank: ranks(1), density: None },
-            _ => Target::Ranks { rank: ranks(2), density: Some(ranks(3)) },
+            1 => Target::Ranks { rank: ranks(1), density: None, flow: Some((0..8 * cells).map(|i| draw(i) as u8).collect()) },
+            _ => Target::Ranks { rank: ranks(2), density: Some(ranks(3)), flow: None },
         };
         let tiles = Tiles {
             size,
@@ -166,7 +166,7 @@ fn a_checkpoint_of_ranks_comes_back() {
     let (_folder, store) = store();
     let (_, read) = through_store(&store, &samples::ranking_checkpoint());
     assert_eq!(read, samples::ranking_checkpoint());
-    assert_eq!((read.config.outputs(), read.config.counts()), (Outputs::Ranks { density: true }, None));
+    assert_eq!((read.config.outputs(), read.config.counts()), (Outputs::Ranks { density: true, flow: true }, None));
 }
 
 /// 1 + 2⁻¹⁰ has the 11 bits of half precision, 1 + 2⁻¹² is rounded to 1; beyond 65,504 there is nothing.

@@ -184,6 +184,7 @@ impl Maker {
             free: on.map.free(),
             heat: &heat,
             density: None,
+            flow: None,
             predicted: Some(&classes),
             labels: Some(&on.labels),
             visits: Some(&on.visits),

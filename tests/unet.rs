@@ -87,7 +87,7 @@ fn ranked(tiles: &Tiles, density: bool) -> Tiles {
     };
     let rank: Vec<f32> = labels.iter().map(rank).collect();
     let density = density.then(|| rank.iter().map(|rank| 2.0 * rank.max(0.0)).collect());
-    Tiles { target: Target::Ranks { rank, density }, ..tiles.clone() }
+    Tiles { target: Target::Ranks { rank, density, flow: None }, ..tiles.clone() }
 }
 
 #[test]
@@ -101,7 +101,7 @@ fn ranks_are_learned_and_said() {
             .map(|m| if let Fit::Ranks { error } = m.fit { error } else { panic!("ranks were learned") })
             .to_vec();
         assert!(errors[1] < 0.5 * errors[0] && errors[1] < 0.15, "{compute}: {errors:?}");
-        let outputs = Outputs::Ranks { density: true };
+        let outputs = Outputs::Ranks { density: true, flow: false };
         let network =
             Network::new(&Architecture::paper(), &[], outputs, &trainer.state().model, &compute).expect("complete");
         let said = network.predict_windows(&tiles.occupancy, 16, 6);
@@ -413,7 +413,8 @@ fn the_rim_of_a_map_is_the_same_for_all_blocks() {
     let (tiles, compute) = (ranked(&tiles(32, 2), false), Compute::new(DeviceName::Flex, None).expect("everywhere"));
     let mut trainer = Trainer::new(&tiles, &[], &config, &compute, 7).expect("in range");
     epochs(&mut trainer, 3);
-    let network = Network::new(&form, &[], Outputs::Ranks { density: false }, &trainer.state().model, &compute);
+    let network =
+        Network::new(&form, &[], Outputs::Ranks { density: false, flow: false }, &trainer.state().model, &compute);
     let network = network.expect("complete");
     assert!(network.layers().sight() > 96);
     let mut stream = Stream::new(9, &[0; 32], 0, "test/map");

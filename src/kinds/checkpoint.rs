@@ -64,6 +64,8 @@ pub enum Learned {
     Ranks {
         /// Whether it has learned densities besides.
         density: bool,
+        /// Whether it has learned directions of flow besides.
+        flow: bool,
     },
 }
 
@@ -73,7 +75,7 @@ impl Learned {
     pub fn of(target: &Target) -> Self {
         match target {
             Target::Classes { classes, labels } => Self::Classes(ClassCounts::of(*classes, labels)),
-            Target::Ranks { density, .. } => Self::Ranks { density: density.is_some() },
+            Target::Ranks { density, flow, .. } => Self::Ranks { density: density.is_some(), flow: flow.is_some() },
         }
     }
 
@@ -95,7 +97,7 @@ impl CheckpointConfig {
             Learned::Classes(counts) => {
                 Outputs::Classes(u8::try_from(counts.classes.len()).expect("at most 16 classes"))
             }
-            Learned::Ranks { density } => Outputs::Ranks { density: *density },
+            Learned::Ranks { density, flow } => Outputs::Ranks { density: *density, flow: *flow },
         }
     }
 
@@ -139,6 +141,8 @@ struct ConfigFile {
 #[derive(Debug, Serialize, Deserialize)]
 struct RanksFile {
     density: bool,
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    flow: bool,
 }
 
 #[derive(Debug, Serialize, Deserialize)]
@@ -245,7 +249,7 @@ pub(super) fn config_to_bytes(config: &CheckpointConfig, epoch: u32) -> Vec<u8> 
         distribution: counts.map(ClassCounts::distribution),
         class_weights: counts.map(class_weights),
         ranks: match learned {
-            Learned::Ranks { density } => Some(RanksFile { density }),
+            Learned::Ranks { density, flow } => Some(RanksFile { density, flow }),
             Learned::Classes(_) => None,
         },
         cells: counts.cloned().map(|ClassCounts { unlabeled, obstacle, classes }| CellCounts {
@@ -297,7 +301,7 @@ pub(super) fn read_config(bytes: &[u8]) -> Result<(CheckpointConfig, u32), KindE
         Err(KindError::Metadata { kind: KIND, key: key.to_owned(), value, expected })
     };
     let learned = match (file.cells, file.ranks) {
-        (None, Some(RanksFile { density })) => Learned::Ranks { density },
+        (None, Some(RanksFile { density, flow })) => Learned::Ranks { density, flow },
         (Some(CellCounts { unlabeled, obstacle, classes }), None) => {
             if !(usize::from(FEWEST_CLASSES)..=usize::from(MOST_CLASSES)).contains(&classes.len()) {
                 return wrong("cells.classes", format!("{classes:?}"), "counts of 2 to 16 classes");

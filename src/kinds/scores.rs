@@ -59,7 +59,7 @@ fn columns() -> Vec<Column> {
 
 impl SingleFile for ClassScores {
     const NAME: &'static str = KIND;
-    const FORMAT: u32 = 3;
+    const FORMAT: u32 = 4;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
         let confusion = self.confusion.as_ref();
@@ -195,9 +195,9 @@ fn floor(table: &Table) -> Result<Option<FloorScores>, KindError> {
         for (part, end) in parts.iter_mut().zip(ENDS) {
             *part = table.optional::<Float64Type>(&format!("{name}{end}"))?[0];
         }
-        let allowed = if measure.is_distance() { 0.0..=f64::MAX } else { -1.0..=1.0 };
-        // A divergence may be a rounding below nothing.
-        let is_sound = |value: f64| allowed.contains(&value) || value.abs() < 1e-9;
+        let [least, most] = measure.range();
+        // A divergence may be a rounding below nothing, a likelihood one above all.
+        let is_sound = |value: f64| (least - 1e-9..=most + 1e-9).contains(&value);
         *estimate = match parts {
             [None, None, None] => None,
             [Some(value), Some(low), Some(high)] if [value, low, high].into_iter().all(is_sound) => {

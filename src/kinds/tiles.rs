@@ -1,8 +1,9 @@
 //! `Tiles`: one row per window: `map` (name), `row`, `col` i32 of the top left cell; `occupancy` u8, possibly
-//! `unknown` and `paths` u8, and what is known of the cells as lists of `size`² values in row-major order; `labeled_share`
+//! `unknown`, `paths` and `ways` u8, and what is known of the cells as lists of `size`² values in row-major order; `labeled_share`
 //! f32. Size and the names of all maps are metadata.
 //!
-//! Known are either `classes` i8, with C in the metadata, or `rank` f32 (−1 on blocked cells) and possibly `density` f32.
+//! Known are either `classes` i8, with C in the metadata, or `rank` f32 (−1 on blocked cells) and possibly `density` f32 and
+//! `flow` u8, of 8 · `size`² values: the share of passages in each direction, one direction behind the other, in 255ths.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -17,6 +18,7 @@ use super::parquet::{Batch, Column, Layout, Table, wrong_value};
 use super::{KindError, SingleFile};
 use crate::domain::planes::Plane;
 use crate::domain::quantize::UNLABELED;
+use crate::domain::raster::DIRECTIONS;
 use crate::domain::tiles::{NO_RANK, Target, Tiles};
 
 const KIND: &str = "Tiles";
@@ -24,10 +26,11 @@ const KIND: &str = "Tiles";
 const GROUP_WINDOWS: usize = 1024;
 
 fn columns<'a>(size: usize, besides: impl Iterator<Item = &'a Plane>, target: &Target) -> Vec<Column> {
-    let list = |name: &str, item| {
-        let length = i32::try_from(size * size).expect("windows have at most 512 cells a side");
+    let lists = |name: &str, item, planes: usize| {
+        let length = i32::try_from(planes * size * size).expect("windows have at most 512 cells a side");
         Column::new(name, DataType::FixedSizeList(Arc::new(Field::new("element", item, false)), length))
     };
+    let list = |name: &str, item| lists(name, item, 1);
     let mut columns = vec![
         Column::new("map", DataType::Utf8),
         Column::new("row", DataType::Int32),
@@ -37,9 +40,10 @@ fn columns<'a>(size: usize, besides: impl Iterator<Item = &'a Plane>, target: &T
     columns.extend(besides.map(|plane| list(plane.name(), DataType::UInt8)));
     match target {
         Target::Classes { .. } => columns.push(list("classes", DataType::Int8)),
-        Target::Ranks { density, .. } => {
+        Target::Ranks { density, flow, .. } => {
             columns.push(list("rank", DataType::Float32));
             columns.extend(density.as_ref().map(|_| list("density", DataType::Float32)));
+            columns.extend(flow.as_ref().map(|_| lists("flow", DataType::UInt8, DIRECTIONS)));
         }
     }
     columns.push(Column::new("labeled_share", DataType::Float32));
@@ -79,9 +83,12 @@ impl SingleFile for Tiles {
             Target::Classes { labels, .. } => {
                 arrays.push(lists(arrays.len(), Arc::new(Int8Array::from(labels.clone())))?);
             }
-            Target::Ranks { rank, density } => {
+            Target::Ranks { rank, density, flow } => {
                 for values in std::iter::once(rank).chain(density) {
                     arrays.push(lists(arrays.len(), Arc::new(Float32Array::from(values.clone())))?);
+                }
+                if let Some(codes) = flow {
+                    arrays.push(lists(arrays.len(), Arc::new(UInt8Array::from(codes.clone())))?);
                 }
             }
         }
@@ -105,7 +112,8 @@ impl SingleFile for Tiles {
         let maps: Vec<String> =
             serde_json::from_str(table.text("maps")?).map_err(|_| table.wrong_metadata("maps", "a list of names"))?;
         let target = if table.has("rank") {
-            Target::Ranks { rank: Vec::new(), density: table.has("density").then(Vec::new) }
+            let (density, flow) = (table.has("density").then(Vec::new), table.has("flow").then(Vec::new));
+            Target::Ranks { rank: Vec::new(), density, flow }
         } else {
             Target::Classes { classes: class_count(&table)?, labels: Vec::new() }
         };
@@ -127,7 +135,7 @@ fn check(tiles: &Tiles) -> Result<(), KindError> {
     let cells = tiles.size * tiles.size;
     match &tiles.target {
         Target::Classes { classes, labels } => check_classes(KIND, "classes", *classes, UNLABELED, labels)?,
-        Target::Ranks { rank, density } => {
+        Target::Ranks { rank, density, .. } => {
             if let Some(i) = rank.iter().position(|rank| *rank != NO_RANK && !(0.0..=1.0).contains(rank)) {
                 return Err(wrong_value(KIND, "rank", i / cells, rank[i], "a share from 0 to 1, or -1 where blocked"));
             }
@@ -182,11 +190,15 @@ impl Append for Tiles {
         }
         match &mut self.target {
             Target::Classes { labels, .. } => append_lists::<Int8Type>(labels, "classes", batch, column, cells)?,
-            Target::Ranks { rank, density } => {
+            Target::Ranks { rank, density, flow } => {
                 append_lists::<Float32Type>(rank, "rank", batch, column, cells)?;
                 if let Some(density) = density {
                     column += 1;
                     append_lists::<Float32Type>(density, "density", batch, column, cells)?;
+                }
+                if let Some(flow) = flow {
+                    column += 1;
+                    append_lists::<UInt8Type>(flow, "flow", batch, column, DIRECTIONS * cells)?;
                 }
             }
         }

@@ -200,9 +200,15 @@ impl Shown {
                 fact("class distribution", list(&counts.distribution())),
                 fact("class weights", list(&class_weights(counts))),
             ]),
-            Learned::Ranks { density } => {
-                facts.push(fact("learned", if *density { "ranks and densities" } else { "ranks" }));
-            }
+            Learned::Ranks { density, flow } => facts.push(fact(
+                "learned",
+                match (density, flow) {
+                    (false, false) => "ranks",
+                    (true, false) => "ranks and densities",
+                    (false, true) => "ranks and directions of flow",
+                    (true, true) => "ranks, densities and directions of flow",
+                },
+            )),
         }
         if !config.besides.is_empty() {
             let names: Vec<&str> = config.besides.iter().map(|plane| plane.name()).collect();

@@ -8,7 +8,9 @@ use std::sync::Arc;
 use serde_json::Value;
 
 use super::{compute, kind, read, write};
-use crate::domain::annotate::{AnnotateConfig, AnnotateError, AnnotateFields, annotate, quantize, thresholds};
+use crate::domain::annotate::{
+    AnnotateConfig, AnnotateError, AnnotateFields, Annotation, annotate, quantize, thresholds,
+};
 use crate::domain::map::OccupancyMap;
 use crate::domain::unet::{Compute, Network};
 use crate::kinds::{Checkpoint, CheckpointConfig, Heat, Model, Placed, outline};
@@ -106,7 +108,8 @@ pub fn heat(
         error => StageError::failed(error),
     })?;
     let Some(counts) = model.config.counts() else {
-        return Ok(Heat { density: annotation.density, ..Heat::new(map.free().clone(), annotation.heat) });
+        let Annotation { heat, density, flow, .. } = annotation;
+        return Ok(Heat { density, flow, ..Heat::new(map.free().clone(), heat) });
     };
     let thresholds = thresholds(&annotation.heat, map, &counts.distribution());
     let classes = quantize(&annotation.heat, map, &thresholds);

@@ -20,7 +20,7 @@ pub struct Score {}
 impl Definition for Score {
     const SPEC: StageSpec = StageSpec {
         name: "score",
-        version: 3,
+        version: 4,
         ports: &[
             Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "The prediction." },
             Port { name: "labels", kind: "Labels", arity: Arity::Optional, doc: "The truth in classes." },
@@ -39,7 +39,7 @@ impl Definition for Score {
         ],
         output: kind::<ClassScores>(),
         seeded: false,
-        doc: "Scores a prediction against visits, labels or both: rank correlations, AUC, divergence and earth mover's \
+        doc: "Scores a prediction against visits, labels or both: rank correlations, AUC, divergence, likelihood of directions and earth mover's \
               distance with intervals by a spatial block bootstrap; confusion matrix, IoU, recall, kappa (section V-A).",
     };
 }
@@ -71,6 +71,7 @@ impl Stage for Score {
             free: &heat.value.free,
             heat: &heat.value.heat,
             density: heat.value.density.as_ref(),
+            flow: heat.value.flow.as_ref(),
             predicted: heat.value.classes.as_ref().map(|part| &part.classes),
             labels: labels.as_ref().map(|(labels, _)| &labels.value),
             visits: visits.as_ref().map(|(visits, _)| &visits.value),

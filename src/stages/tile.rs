@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Definition, kind, read, write};
-use crate::domain::geometry::Grid;
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::Labels;
 use crate::domain::raster::VisitCounts;
@@ -24,7 +23,7 @@ pub struct Tile(TileConfig);
 impl Definition for Tile {
     const SPEC: StageSpec = StageSpec {
         name: "tile",
-        version: 2,
+        version: 3,
         ports: &[
             Port { name: "map", kind: "OccupancyMap", arity: Arity::Group, doc: "The maps to cut." },
             Port {
@@ -37,7 +36,8 @@ impl Definition for Tile {
                 name: "visits",
                 kind: "VisitCounts",
                 arity: Arity::GroupOr("labels"),
-                doc: "The visits of the same maps, to learn ranks: the share of a map's free cells that is visited less.",
+                doc: "The visits of the same maps, to learn ranks: the share of a map's free cells that is visited less; and \
+                      directions, where they were counted with `flow: true`.",
             },
             Port {
                 name: "dwell",
@@ -64,14 +64,14 @@ impl Stage for Tile {
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
         let cells: u64 = inputs.group("map").values().map(|map| outline(store, map).rows).sum();
         // Each cell is in as many windows as strides fit into one, once as it is kept and once more as it is written: its
-        // occupancy and planes, and class, or rank and density.
+        // occupancy and planes, and class, or rank, density, and perhaps eight directions.
         let windows = u64::from(self.0.size.div_ceil(self.0.stride.max(1))).pow(2);
         let bytes = 2 * if inputs.has("labels") {
             2
         } else if inputs.has("dwell") {
-            9
+            17
         } else {
-            5
+            13
         } + 2 * self.0.besides.len() as u64;
         super::memory(cells.saturating_mul(32 + bytes * windows))
     }
@@ -114,13 +114,14 @@ fn learned(name: &str, map: &OccupancyMap, inputs: &Inputs, context: &Context) -
         super::same_frame(name, map.frame(), "its labels", &labels.frame)?;
         return Ok(Learned::Classes(labels.value));
     }
-    let counts = |port: &str, what: &str| -> Result<Grid<u32>, StageError> {
+    let counts = |port: &str, what: &str| -> Result<VisitCounts, StageError> {
         let (visits, _): (Placed<VisitCounts>, _) = read(context, member(port))?;
         super::same_frame(name, map.frame(), what, &visits.frame)?;
-        Ok(visits.value.counts)
+        Ok(visits.value)
     };
-    let dwell = if inputs.has("dwell") { Some(counts("dwell", "its counts of time steps")?) } else { None };
-    Ok(Learned::Ranks(Ranks::of(map, &counts("visits", "its visits")?, dwell.as_ref())))
+    let dwell = if inputs.has("dwell") { Some(counts("dwell", "its counts of time steps")?.counts) } else { None };
+    let VisitCounts { counts: visits, flow, .. } = counts("visits", "its visits")?;
+    Ok(Learned::Ranks(Ranks::of(map, &visits, dwell.as_ref(), flow.as_ref())))
 }
 
 /// Says what helps.

@@ -78,7 +78,7 @@ pub fn tiles() -> Tiles {
     }
 }
 
-/// The same windows with all planes, and ranks and densities to learn.
+/// The same windows with all planes, and ranks, densities and directions to learn.
 pub fn ranked_tiles() -> Tiles {
     let mut tiles = tiles();
     let codes = |plane: Plane| (0..3 * 64).map(|i| (i % (usize::from(plane.most()) + 1)) as u8).collect();
@@ -87,6 +87,7 @@ pub fn ranked_tiles() -> Tiles {
     let target = Target::Ranks {
         rank: (0..3 * 64).map(|i| if free(i) { (i % 17) as f32 / 32.0 } else { NO_RANK }).collect(),
         density: Some((0..3 * 64).map(|i| if free(i) { (i % 7) as f32 / 4.0 } else { 0.0 }).collect()),
+        flow: Some((0..3 * 8 * 64).map(|i| (i * 5 % 256) as u8).collect()),
     };
     Tiles { target, ..tiles }
 }
@@ -131,7 +132,8 @@ pub fn scores() -> ClassScores {
 
 fn floor_scores() -> FloorScores {
     let estimate = |by: f64| Some(Estimate { value: 0.5 * by, low: 0.25 * by, high: 0.75 * by });
-    let estimates = [estimate(1.0), estimate(-1.0), estimate(1.0), None, estimate(4.0), estimate(8.0), estimate(1.0)];
+    let by = [1.0, -1.0, 1.0, 0.0, 4.0, 8.0, 1.0, 6.0];
+    let estimates = by.map(|by| if by == 0.0 { None } else { estimate(by) });
     FloorScores { estimates, doors: 6 }
 }
 
@@ -213,7 +215,7 @@ pub fn ranking_checkpoint() -> Checkpoint {
     Checkpoint {
         config: CheckpointConfig {
             network: Architecture::deep(),
-            learned: Learned::Ranks { density: true },
+            learned: Learned::Ranks { density: true, flow: true },
             besides: Plane::ALL.to_vec(),
             ..classes.config
         },

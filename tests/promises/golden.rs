@@ -66,6 +66,13 @@ fn visits() -> Placed<VisitCounts> {
     Placed::new(frame(), VisitCounts { counts: on_free(0, |row, col| (row * col % 97) as u32), paths: 120, flow: None })
 }
 
+/// The same visits with directions.
+fn passages() -> Placed<VisitCounts> {
+    let visits = visits().value;
+    let flow = std::array::from_fn(|direction| visits.counts.map(|count| *count >> direction));
+    Placed::new(frame(), VisitCounts { flow: Some(flow), ..visits })
+}
+
 fn labels() -> Placed<Labels> {
     let classes = on_free(0, |row, col| [-1, 1, 2, 3][row * col % 4]);
     Placed::new(frame(), Labels { classes, count: 3 })
@@ -147,6 +154,7 @@ impl Bench {
             Input::Group(_) => unreachable!("each was put alone"),
         };
         let (map, labels, visits) = (one(self.put(&map())), one(self.put(&labels())), one(self.put(&visits())));
+        let passages = one(self.put(&passages()));
         let ports = |ports: Vec<(&str, Input)>| Inputs {
             ports: ports.into_iter().map(|(port, input)| (port.to_owned(), input)).collect(),
             ..Inputs::default()
@@ -169,9 +177,15 @@ impl Bench {
                 vec![dense.clone()],
             ),
             (
-                vec![("visits", group(visits))],
+                vec![("visits", group(visits.clone()))],
                 json!(["paths", "unknown"]),
                 json!({ "epochs": 2, "batch": 8, "average": 0.9 }),
+                vec![dense.clone()],
+            ),
+            (
+                vec![("visits", group(passages)), ("dwell", group(visits))],
+                json!(["ways"]),
+                json!({ "epochs": 2, "batch": 8 }),
                 vec![dense],
             ),
         ];
@@ -221,6 +235,8 @@ fn output_changes_only_with_a_version() {
     let recorded = json!({ "file": "people.txt", "columns": columns, "unit": "cm", "frame_rate": 8, "off_map": 1 });
     bench.check("import-tracks", recorded, Part::Whole, &[("map", &map)]);
     bench.check("simulate", crowd(json!({ "episodes": 4 })), Part::Chunk(0), &[("map", &map)]);
+    let liked = crowd(json!({ "episodes": 2, "preset": "comfortable", "room_width": 1 }));
+    bench.check("simulate", liked, Part::Chunk(0), &[("map", &map)]);
     bench.check("rasterize", json!({}), Part::Whole, &[("map", &map), ("walks", &walks)]);
     bench.check("rasterize", json!({ "count": "steps" }), Part::Whole, &[("map", &map), ("walks", &walks)]);
     for method in ["uniform", "quantile", "log"] {
@@ -253,17 +269,18 @@ fn output_changes_only_with_a_version() {
         "generate-map 1 989c93a8be7cbef2",
         "import-tracks 1 e8526029e7aa4e42",
         "simulate 2 d92fe9d3736d0b78",
+        "simulate 2 cf9c79851c63e4af",
         "rasterize 2 b6e3fd3eb8a7f279",
         "rasterize 2 78154f09d6d70df6",
         "quantize 1 7089c2aa43a06555",
         "quantize 1 a99bdda8331c742f",
         "quantize 1 bbe1b8ff943e230b",
-        "tile 2 bd45e6435455d7e2",
-        "score 3 23a10bd1b3875863",
+        "tile 3 bd45e6435455d7e2",
+        "score 4 9a205dd5ea709fcc",
         "navigate 2 cba8cb0dc2ac3973",
         "cost 3 3f6ba027cfb18f33",
         "rank 2 496a82b1dfef1e6f",
-        "score 3 3dda59153ed319d8",
+        "score 4 39e31244e33d7dd7",
         "cost 3 c66d2b415525f89a",
         "wall-distance 1 63e44d4938f0ad51",
         "uniform 1 c600cd2330f318eb",
@@ -294,19 +311,23 @@ fn the_network_changes_only_with_a_version() {
     );
     let found: Vec<&str> = told.stdout.lines().filter_map(|line| line.split_once("golden: ")).map(|l| l.1).collect();
     let expected = [
-        "tile 2 f7ecd279746ee9cb",
+        "tile 3 f7ecd279746ee9cb",
         "train 2 beaae3b26d8d0569",
         "train 2 b4052ee2092d589d",
         "annotate 3 5d2828a1fa7394cf",
         "annotate 3 3d87d6d9d150bbe2",
-        "tile 2 41ff6fd26f5367cb",
+        "tile 3 41ff6fd26f5367cb",
         "train 2 f4bbd6ae2bfebddc",
         "train 2 8c995bf59d21fbed",
         "annotate 3 f6c5c855718ae113",
-        "tile 2 3b49a6ee9e5b1ad7",
+        "tile 3 3b49a6ee9e5b1ad7",
         "train 2 9282400f855c65f8",
         "train 2 32c1748ba9d84daf",
         "annotate 3 fbea8768e9059b14",
+        "tile 3 1b1f5a324c919ddb",
+        "train 2 6a10af2e5845c02f",
+        "train 2 5c356b8fc8559ade",
+        "annotate 3 81413e91252d5108",
     ];
     assert_eq!(found, expected, "{}: raise VERSION of the stage, then update this digest", told.stderr);
 }

@@ -41,7 +41,7 @@ SCORES = {"truth": "int8", "predicted": "int8", "cells": "uint64"} | {
 }
 SCORES |= {
     f"{name}{end}": "double"
-    for name in "spearman_free spearman_visited auc_third auc_visited divergence earth_mover doors_r2".split()
+    for name in "spearman_free spearman_visited auc_third auc_visited divergence earth_mover doors_r2 flow_likelihood".split()
     for end in ("", "_low", "_high")
 } | {"doors": "uint32"}
 COSTS = {"predictor": "string", "episode": "uint32"} | {

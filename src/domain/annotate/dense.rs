@@ -6,6 +6,8 @@ use rayon::prelude::*;
 
 use super::{AnnotateError, Predict, Progress};
 use crate::domain::geometry::Grid;
+use crate::domain::raster::DIRECTIONS;
+use crate::domain::unet::Outputs;
 
 /// Edge of a block in cells at least; it bounds the memory that a large map takes.
 const BLOCK: usize = 384;
@@ -46,6 +48,25 @@ impl Pass {
     /// Returns the rows and columns of an image that shows `rows` × `cols` cells.
     const fn shape(&self, rows: usize, cols: usize) -> [usize; 2] {
         if self.transposed { [cols, rows] } else { [rows, cols] }
+    }
+
+    /// Returns where each of the network's outputs stands in what it says of the image: directions of flow turn with it.
+    fn order(&self, outputs: Outputs) -> Vec<usize> {
+        // Counter-clockwise from that of x; reading rows backwards exchanges up and down, reading columns so left and right.
+        let turned = |mut direction: usize| {
+            if self.flipped[0] {
+                direction = DIRECTIONS - direction;
+            }
+            if self.flipped[1] {
+                direction = DIRECTIONS + DIRECTIONS / 2 - direction % DIRECTIONS;
+            }
+            if self.transposed {
+                direction = DIRECTIONS + 3 * DIRECTIONS / 4 - direction % DIRECTIONS;
+            }
+            direction % DIRECTIONS
+        };
+        let first = outputs.flow().unwrap_or_else(|| outputs.count());
+        (0..first).chain((first..outputs.count()).map(|output| first + turned(output - first))).collect()
     }
 
     /// Returns the pixel of the image that shows a cell, counted row by row.
@@ -155,19 +176,20 @@ pub(super) fn means(
                     image[pass.pixel(row, col, rows, cols)] = code.copied().unwrap_or(0);
                 }
             });
+            let orders: Vec<Vec<usize>> = batch.iter().map(|pass| pass.order(predict.outputs())).collect();
             let [height, length] = batch[0].shape(rows, cols);
             predict.images(&images, height, length, batch.len(), &mut predicted);
             let above = (band.start as isize - high.start) as usize;
             let before = (bar.start as isize - wide.start) as usize;
             sums.par_chunks_exact_mut(bar.len() * width).enumerate().for_each(|(row, sums)| {
-                for (image, pass) in predicted.chunks_exact(cells * width).zip(batch) {
+                for ((image, pass), order) in predicted.chunks_exact(cells * width).zip(batch).zip(&orders) {
                     let (down, right) = pass.offset;
                     for col in passes.cols(band.start + row, bar.clone(), pass.offset) {
                         let at = col - bar.start;
                         let pixel = pass.pixel(above + down + row, before + right + at, rows, cols);
                         let values = &image[pixel * width..][..width];
-                        for (sum, value) in sums[at * width..][..width].iter_mut().zip(values) {
-                            *sum += f64::from(*value);
+                        for (sum, from) in sums[at * width..][..width].iter_mut().zip(order) {
+                            *sum += f64::from(values[*from]);
                         }
                     }
                 }
@@ -242,6 +264,28 @@ mod tests {
         let passes = Passes::mean_of(16, 8, true).passes;
         assert_eq!(passes.iter().map(|pass| pass.transposed).collect::<Vec<_>>(), [[false; 8], [true; 8]].concat());
         assert!(Passes::mean_of(16, 8, false).passes.iter().all(|pass| *pass == Pass::new(pass.offset, 0)));
+    }
+
+    /// A step from a cell to its neighbor in each direction is, in the image, one in the direction that `order` says.
+    #[test]
+    fn directions_turn_with_the_image() {
+        let steps = [(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)];
+        let (rows, cols) = (3, 5);
+        for transform in 0..8 {
+            let pass = Pass::new((0, 0), transform);
+            let order = pass.order(Outputs::Ranks { density: true, flow: true });
+            assert_eq!(order[..2], [0, 1]);
+            let width = pass.shape(rows, cols)[1] as isize;
+            let place = |row: isize, col: isize| {
+                let pixel = pass.pixel(row as usize, col as usize, rows, cols) as isize;
+                (pixel / width, pixel % width)
+            };
+            for (direction, (down, right)) in steps.into_iter().enumerate() {
+                let (from, to) = (place(1, 2), place(1 + down, 2 + right));
+                assert_eq!(steps[order[2 + direction] - 2], (to.0 - from.0, to.1 - from.1), "{transform} {direction}");
+            }
+        }
+        assert_eq!(Pass::new((0, 0), 5).order(Outputs::Classes(3)), [0, 1, 2, 3]);
     }
 
     #[test]

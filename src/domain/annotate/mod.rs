@@ -23,6 +23,7 @@ mod windows;
 use super::geometry::Grid;
 use super::map::OccupancyMap;
 use super::rank::relative_to_mean;
+use super::raster::DIRECTIONS;
 use super::unet::Outputs;
 
 pub use config::{AnnotateConfig, AnnotateError, AnnotateFields, Mode, ModeName, Normalize, Overlap, OverlapName};
@@ -35,6 +36,8 @@ pub struct Annotation {
     pub heat: Grid<f32>,
     /// Expected number of people relative to the mean of the free cells, if the network says it; 0 in blocked cells.
     pub density: Option<Grid<f32>>,
+    /// Share of the passages in each direction, if the network says it; 0 in blocked cells.
+    pub flow: Option<[Grid<f32>; DIRECTIONS]>,
     /// Mean probability of each class, class 0 (obstacle) first, 0 in blocked cells; none if the network says ranks.
     pub probabilities: Vec<Grid<f32>>,
 }
@@ -83,12 +86,14 @@ pub fn annotate(
             let levels = levels(classes.into());
             let terms = |cell: &[f32]| cell.iter().zip(&levels).map(|(p, level)| f64::from(*p) * level).sum::<f64>();
             let probabilities = (0..outputs.count()).map(|class| grid(&|cell| cell[class])).collect();
-            Annotation { heat: grid(&|cell| terms(cell) as f32), density: None, probabilities }
+            Annotation { heat: grid(&|cell| terms(cell) as f32), density: None, flow: None, probabilities }
         }
-        Outputs::Ranks { density } => {
+        Outputs::Ranks { density, .. } => {
             let density = density.then(|| grid(&|cell| cell[1]));
             let density = density.and_then(|density| relative_to_mean(&density, map.free()));
-            Annotation { heat: grid(&|cell| cell[0]), density, probabilities: Vec::new() }
+            let flow =
+                outputs.flow().map(|first| std::array::from_fn(|direction| grid(&|cell| cell[first + direction])));
+            Annotation { heat: grid(&|cell| cell[0]), density, flow, probabilities: Vec::new() }
         }
     };
     if config.normalize == Normalize::Max {

@@ -193,7 +193,7 @@ impl Predict for Leftward {
         }
     }
     fn outputs(&self) -> Outputs {
-        Outputs::Ranks { density: true }
+        Outputs::Ranks { density: true, flow: false }
     }
     fn period(&self) -> usize {
         8
@@ -244,7 +244,7 @@ impl Predict for Shown {
         &[Plane::Paths]
     }
     fn outputs(&self) -> Outputs {
-        Outputs::Ranks { density: false }
+        Outputs::Ranks { density: false, flow: false }
     }
     fn period(&self) -> usize {
         8
@@ -310,7 +310,7 @@ fn parameters_out_of_range_are_named() {
             unreachable!("the parameters are refused")
         }
         fn outputs(&self) -> Outputs {
-            Outputs::Ranks { density: false }
+            Outputs::Ranks { density: false, flow: false }
         }
         fn period(&self) -> usize {
             self.0

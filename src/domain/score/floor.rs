@@ -9,6 +9,7 @@ use super::spread::{Pair, Projections, divergence};
 use super::weighted::{Ties, auc, spearman};
 use crate::domain::geometry::{Cell, Grid};
 use crate::domain::random::Stream;
+use crate::domain::raster::{DIRECTIONS, Flow};
 
 /// Resamples of the blocks that the intervals come from.
 const RESAMPLES: u64 = 500;
@@ -34,11 +35,14 @@ pub enum Measure {
     EarthMover,
     /// R² of the line through visits over density at doors, each the mean over the door's cells.
     DoorsR2,
+    /// Mean likelihood of the direction in which a cell is passed, times the number of directions: 1 is what a guess gets
+    /// that takes all of them for equally likely. Where both have directions of flow.
+    Flow,
 }
 
 impl Measure {
     /// All of them, in the order in which they are shown.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::SpearmanFree,
         Self::SpearmanVisited,
         Self::AucThird,
@@ -46,6 +50,7 @@ impl Measure {
         Self::Divergence,
         Self::EarthMover,
         Self::DoorsR2,
+        Self::Flow,
     ];
 
     /// Returns the name that artifacts have it under.
@@ -59,6 +64,17 @@ impl Measure {
             Self::Divergence => "divergence",
             Self::EarthMover => "earth_mover",
             Self::DoorsR2 => "doors_r2",
+            Self::Flow => "flow_likelihood",
+        }
+    }
+
+    /// Returns the least and the most that it can be.
+    #[must_use]
+    pub const fn range(self) -> [f64; 2] {
+        match self {
+            Self::Divergence | Self::EarthMover => [0.0, f64::MAX],
+            Self::Flow => [0.0, DIRECTIONS as f64],
+            _ => [-1.0, 1.0],
         }
     }
 
@@ -83,10 +99,21 @@ pub struct FloorInput<'a> {
     pub density: Option<&'a Grid<f32>>,
     /// True visits.
     pub visits: &'a Grid<u32>,
+    /// Directions of flow, where both have them.
+    pub flow: Option<FlowInput<'a>>,
     /// Edge of a cell in meters.
     pub resolution: f64,
     /// Digest of the visits, which names the resamples: all predictions of a map meet the same ones.
     pub digest: &'a [u8; 32],
+}
+
+/// Directions of flow as they are predicted and as they are.
+#[derive(Debug, Clone, Copy)]
+pub struct FlowInput<'a> {
+    /// Share of the passages that go in each direction; all 0 where nothing is known, which counts as all alike.
+    pub predicted: &'a [Grid<f32>; DIRECTIONS],
+    /// Passages in each direction.
+    pub passages: &'a Flow,
 }
 
 /// How well a prediction agrees with visits on the whole free floor.
@@ -110,6 +137,10 @@ impl FloorScores {
         size(input.heat.rows(), input.heat.cols());
         size(input.visits.rows(), input.visits.cols());
         input.density.iter().for_each(|density| size(density.rows(), density.cols()));
+        if let Some(FlowInput { predicted, passages }) = input.flow {
+            predicted.iter().for_each(|shares| size(shares.rows(), shares.cols()));
+            passages.iter().for_each(|passages| size(passages.rows(), passages.cols()));
+        }
         let blocks = Blocks::new(input.free, input.resolution);
         let floor = Floor::new(input, &blocks);
         let found = floor.figures(&vec![1.0; blocks.count]);
@@ -154,6 +185,8 @@ struct Floor<'a> {
     prediction: Vec<f64>,
     projections: Projections,
     doors: Vec<Door>,
+    /// Sum of the likelihoods of passages, and their number, in each block.
+    flow: Option<Vec<[f64; 2]>>,
 }
 
 impl<'a> Floor<'a> {
@@ -184,6 +217,7 @@ impl<'a> Floor<'a> {
             is_third: visits.iter().map(|count| 3 * u64::from(*count) > u64::from(most)).collect(),
             is_visited,
             doors: Self::doors(input, &cells, blocks, &truth, &prediction),
+            flow: input.flow.map(|flow| likelihoods(&flow, &cells, blocks)),
             truth,
             prediction,
             projections,
@@ -217,9 +251,34 @@ impl<'a> Floor<'a> {
             Measure::Divergence => divergence(&Pair { truth: &self.truth, prediction: &self.prediction }, &of_free),
             Measure::EarthMover => self.projections.earth_mover(times),
             Measure::DoorsR2 => r_squared(&self.doors, times),
+            Measure::Flow => {
+                let sum = |part: usize| {
+                    let blocks = self.flow.iter().flatten().zip(times);
+                    blocks.fold(0.0, |sum, (block, times)| sum + times * block[part])
+                };
+                let (likelihood, passages) = (sum(0), sum(1));
+                (passages > 0.0).then(|| DIRECTIONS as f64 * likelihood / passages)
+            }
         };
         Measure::ALL.map(figure)
     }
+}
+
+/// Adds up for each block how likely the passages over its cells were told to be, and how many there are.
+fn likelihoods(flow: &FlowInput<'_>, cells: &[usize], blocks: &Blocks) -> Vec<[f64; 2]> {
+    let mut sums = vec![[0.0; 2]; blocks.count];
+    for (cell, block) in cells.iter().zip(&blocks.of) {
+        let shares = flow.predicted.each_ref().map(|shares| f64::from(shares.as_slice()[*cell]));
+        let is_known = shares.iter().any(|share| *share > 0.0);
+        for (share, passages) in shares.into_iter().zip(flow.passages) {
+            let passages = f64::from(passages.as_slice()[*cell]);
+            let share = if is_known { share } else { 1.0 / DIRECTIONS as f64 };
+            let [likelihood, count] = &mut sums[*block as usize];
+            *likelihood += passages * share;
+            *count += passages;
+        }
+    }
+    sums
 }
 
 /// Computes the squared correlation of truth and prediction at the doors of a sample of blocks; `None` if there are too few
@@ -243,7 +302,9 @@ mod tests {
 
     fn scores(heat: &Grid<f32>, visits: &Grid<u32>) -> FloorScores {
         let free = Grid::filled(heat.rows(), heat.cols(), true);
-        FloorScores::new(&FloorInput { free: &free, heat, density: None, visits, resolution: 0.1, digest: &[0; 32] })
+        let input =
+            FloorInput { free: &free, heat, density: None, visits, flow: None, resolution: 0.1, digest: &[0; 32] };
+        FloorScores::new(&input)
     }
 
     fn check(scores: &FloorScores, measure: Measure, expected: Option<f64>) {
@@ -287,7 +348,8 @@ mod tests {
         let heat = Grid::from_fn(120, 120, |_| stream.unit() as f32);
         let visits = heat.map(|heat| (1000.0 * (f64::from(*heat) + stream.unit() - 0.5)) as u32);
         let found = scores(&heat, &visits);
-        for measure in Measure::ALL.into_iter().filter(|measure| *measure != Measure::DoorsR2) {
+        let defined = |measure: &Measure| !matches!(measure, Measure::DoorsR2 | Measure::Flow);
+        for measure in Measure::ALL.into_iter().filter(defined) {
             let Estimate { value, low, high } = found.of(measure).expect("defined");
             assert!(low < high && low - 0.01 < value && value < high + 0.01, "{measure:?} {value} {low} {high}");
         }
@@ -309,6 +371,7 @@ mod tests {
             heat: &heat,
             density: Some(&density),
             visits: &visits,
+            flow: None,
             resolution: 0.1,
             digest: &[0; 32],
         };
@@ -317,5 +380,31 @@ mod tests {
         check(&found, Measure::DoorsR2, Some(1.0));
         let other = FloorScores::new(&FloorInput { density: None, ..input });
         assert!(other.of(Measure::DoorsR2).expect("five doors").value < 0.9);
+    }
+
+    /// Three cells: over the first four people go to the right, where 3/4 are told to, and one up, where 1/8 are; over the
+    /// second two go down, and nothing is told; the third is passed by nobody. (4·3/4 + 1/8 + 2/8) / 7, times 8.
+    #[test]
+    fn directions_are_as_likely_as_they_are_told_to_be() {
+        let row = |values: [u32; 3]| Grid::from_vec(1, 3, values.to_vec());
+        let share = |values: [f32; 3]| Grid::from_vec(1, 3, values.to_vec());
+        let mut passages: Flow = std::array::from_fn(|_| row([0; 3]));
+        let mut predicted: [Grid<f32>; DIRECTIONS] = std::array::from_fn(|_| share([0.0; 3]));
+        (passages[0], passages[2], passages[6]) = (row([4, 0, 0]), row([1, 0, 0]), row([0, 2, 0]));
+        (predicted[0], predicted[2], predicted[4]) =
+            (share([0.75, 0.0, 0.0]), share([0.125, 0.0, 1.0]), share([0.125, 0.0, 0.0]));
+        let (free, visits) = (Grid::filled(1, 3, true), row([5, 2, 0]));
+        let heat = share([0.5, 0.25, 0.0]);
+        let input = FloorInput {
+            free: &free,
+            heat: &heat,
+            density: None,
+            visits: &visits,
+            flow: Some(FlowInput { predicted: &predicted, passages: &passages }),
+            resolution: 0.1,
+            digest: &[0; 32],
+        };
+        check(&FloorScores::new(&input), Measure::Flow, Some(8.0 * 3.375 / 7.0));
+        check(&FloorScores::new(&FloorInput { flow: None, ..input }), Measure::Flow, None);
     }
 }

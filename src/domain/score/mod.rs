@@ -11,13 +11,13 @@ mod weighted;
 
 pub use confusion::Confusion;
 pub use estimate::Estimate;
-pub use floor::{FloorInput, FloorScores, Measure};
+pub use floor::{FloorInput, FloorScores, FlowInput, Measure};
 pub use rank::{auc, kendall, ranks, spearman};
 
 use super::geometry::Grid;
 use super::map::squared_distances;
 use super::quantize::Labels;
-use super::raster::VisitCounts;
+use super::raster::{DIRECTIONS, VisitCounts};
 
 /// What keeps a prediction from being scored.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -46,6 +46,8 @@ pub struct Scored<'a> {
     pub heat: &'a Grid<f32>,
     /// Predicted density, if the prediction has it.
     pub density: Option<&'a Grid<f32>>,
+    /// Predicted directions of flow, if the prediction has them: the share of passages in each.
+    pub flow: Option<&'a [Grid<f32>; DIRECTIONS]>,
     /// Predicted classes from 0 (obstacle) to C, if the prediction has classes; read on labeled cells only.
     pub predicted: Option<&'a Grid<i8>>,
     /// True classes.
@@ -141,6 +143,7 @@ pub fn score(input: &Scored<'_>, resolution: f64, digest: &[u8; 32]) -> Result<C
         heat: input.heat,
         density: input.density,
         visits: &visits.counts,
+        flow: input.flow.zip(visits.flow.as_ref()).map(|(predicted, passages)| FlowInput { predicted, passages }),
         resolution,
         digest,
     });
@@ -185,6 +188,7 @@ fn check(input: &Scored<'_>) -> Result<(), ScoreError> {
     };
     size("grid of free cells", input.free.rows(), input.free.cols())?;
     input.density.map_or(Ok(()), |density| size("density", density.rows(), density.cols()))?;
+    input.flow.iter().copied().flatten().try_for_each(|shares| size("flow", shares.rows(), shares.cols()))?;
     input.predicted.map_or(Ok(()), |predicted| size("prediction", predicted.rows(), predicted.cols()))?;
     input.visits.map_or(Ok(()), |visits| size("grid of visits", visits.counts.rows(), visits.counts.cols()))?;
     let Some(labels) = input.labels else { return Ok(()) };
@@ -224,6 +228,7 @@ mod tests {
             free,
             heat,
             density: None,
+            flow: None,
             predicted: Some(predicted),
             labels: Some(labels),
             visits: None,

@@ -31,7 +31,8 @@ pub struct TileConfig {
     #[schemars(range(min = 1, max = 262_144))]
     pub min_labeled: u32,
     /// What a network is shown of each cell besides whether it is free: `unknown`, whether nobody has looked; `paths`, the
-    /// share of the map's free cells that fewer shortest paths lead over.
+    /// share of the map's free cells that fewer shortest paths lead over; `ways`, the same of ways from room to room that
+    /// people like, who keep off walls and differ.
     pub besides: Vec<Plane>,
 }
 
@@ -242,7 +243,10 @@ fn check_alike(first: &Known<'_>, labeled: &LabeledMap<'_>) -> Result<(), TileEr
             Err(TileError::ClassMismatch { map: map(), found: labels.count, classes: first.count })
         }
         (Known::Classes(_), Known::Classes(_)) => Ok(()),
-        (Known::Ranks(first), Known::Ranks(ranks)) if first.density.is_some() == ranks.density.is_some() => Ok(()),
+        (Known::Ranks(first), Known::Ranks(ranks)) => {
+            let parts = |ranks: &Ranks| (ranks.density.is_some(), ranks.flow.is_some());
+            if parts(first) == parts(ranks) { Ok(()) } else { Err(TileError::KnownMismatch(map())) }
+        }
         _ => Err(TileError::KnownMismatch(map())),
     }
 }
@@ -273,10 +277,13 @@ fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &Til
                 (Target::Classes { labels, .. }, Known::Classes(known)) => {
                     push_window(labels, &known.classes, top, left, size, OBSTACLE, |label| *label);
                 }
-                (Target::Ranks { rank, density }, Known::Ranks(known)) => {
+                (Target::Ranks { rank, density, flow }, Known::Ranks(known)) => {
                     push_window(rank, &known.rank, top, left, size, NO_RANK, |rank| *rank);
                     if let (Some(density), Some(known)) = (density, &known.density) {
                         push_window(density, known, top, left, size, 0.0, |density| *density);
+                    }
+                    if let (Some(flow), Some(known)) = (flow, &known.flow) {
+                        known.iter().for_each(|codes| push_window(flow, codes, top, left, size, 0, |code| *code));
                     }
                 }
                 _ => unreachable!("of all maps the same is known"),
@@ -339,6 +346,7 @@ mod tests {
     use crate::domain::map::Observed;
     use crate::domain::quantize::{ClassCounts, Labels};
     use crate::domain::random::Stream;
+    use crate::domain::raster::DIRECTIONS;
     use proptest::prelude::*;
 
     fn random_map(rows: usize, cols: usize, seed: u64) -> (OccupancyMap, Labels) {
@@ -396,8 +404,10 @@ mod tests {
         let free = Grid::from_fn(5, 6, |cell| cell.col != 2);
         let rank =
             Grid::from_fn(5, 6, |cell| if free[cell] { (cell.row * 6 + cell.col) as f32 / 30.0 } else { NO_RANK });
-        let map = OccupancyMap::new(free, Frame::at_zero(0.1, 5, 6)).expect("free cells");
-        let known = |density: Option<Grid<f32>>| Ranks { rank: rank.clone(), density };
+        let map = OccupancyMap::new(free.clone(), Frame::at_zero(0.1, 5, 6)).expect("free cells");
+        let flow: [Grid<u8>; DIRECTIONS] =
+            std::array::from_fn(|direction| free.map(|free| if *free { 10 + direction as u8 } else { 0 }));
+        let known = |density: Option<Grid<f32>>| Ranks { rank: rank.clone(), density, flow: Some(flow.clone()) };
         let (plain, dense) = (known(None), known(Some(rank.map(|rank| 2.0 * rank.max(0.0)))));
         let labeled = |name, known| LabeledMap { name, map: &map, known: Known::Ranks(known) };
         let config = TileConfig { size: 8, stride: 8, min_labeled: 1, ..TileConfig::default() };
@@ -405,14 +415,23 @@ mod tests {
         // Windows at −0 only: the map is smaller than one.
         assert_eq!(tiles.origin, [(0, 0, 0), (1, 0, 0)]);
         assert_eq!(tiles.labeled_share, [25.0 / 64.0; 2]);
-        let Target::Ranks { rank, density: Some(density) } = &tiles.target else { panic!("ranks and densities") };
+        let Target::Ranks { rank, density: Some(density), flow: Some(flow) } = &tiles.target else {
+            panic!("ranks, densities and flow")
+        };
         assert_eq!((rank[8 + 1], density[8 + 1]), (7.0 / 30.0, 14.0 / 30.0));
         // Blocked, and beyond the map.
         assert_eq!((rank[2], density[2], rank[6], density[6]), (NO_RANK, 0.0, NO_RANK, 0.0));
+        // Window by window the directions, each of 64 cells.
+        assert_eq!(flow.len(), 2 * DIRECTIONS * 64);
+        let codes = |cell: usize| (0..DIRECTIONS).map(move |direction| flow[(DIRECTIONS + direction) * 64 + cell]);
+        assert_eq!(codes(8 + 1).collect::<Vec<_>>(), [10, 11, 12, 13, 14, 15, 16, 17]);
+        assert!(codes(2).chain(codes(6)).all(|code| code == 0));
         let stitched = tiles.stitch(1, 5, 6).expect("windows agree");
         assert_eq!(stitched.target[Cell::new(4, 5)], Some(29.0 / 30.0));
         let error = cut(&[labeled("a", &dense), labeled("b", &plain)], &config).expect_err("one has no density");
         assert_eq!(error, TileError::KnownMismatch("b".to_owned()));
+        let still = Ranks { flow: None, ..dense.clone() };
+        assert!(cut(&[labeled("a", &dense), labeled("b", &still)], &config).is_err());
     }
 
     #[test]
@@ -421,7 +440,7 @@ mod tests {
         let unknown = Grid::from_fn(5, 6, |cell| if cell.col == 4 { Observed::Unknown } else { Observed::Free });
         let map = map.with_observed(unknown).expect("of one size");
         let maps = [LabeledMap { name: "a", map: &map, known: Known::Classes(&labels) }];
-        let besides = vec![Plane::Paths, Plane::Unknown];
+        let besides = vec![Plane::Ways, Plane::Paths, Plane::Unknown];
         let config = TileConfig { size: 8, stride: 8, min_labeled: 1, besides };
         let tiles = cut(&maps, &config).expect("windows");
         assert_eq!(tiles.besides.keys().copied().collect::<Vec<_>>(), Plane::ALL);

@@ -1,9 +1,10 @@
-//! What windows teach of their cells: classes, as the paper has them, or ranks.
+//! What windows teach of their cells: classes, as the paper has them, or ranks, densities and directions of flow.
 
 use crate::domain::geometry::Grid;
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE};
 use crate::domain::rank::{relative_to_mean, share_below};
+use crate::domain::raster::{DIRECTIONS, Flow, shares};
 
 /// The rank of a blocked cell: none.
 pub const NO_RANK: f32 = -1.0;
@@ -15,17 +16,20 @@ pub struct Ranks {
     pub rank: Grid<f32>,
     /// Expected number of people relative to the mean of the free cells, if it is known; 0 on blocked cells.
     pub density: Option<Grid<f32>>,
+    /// Share of the passages that go in each direction, in 255ths, if it is known; all 0 where nobody passes.
+    pub flow: Option<[Grid<u8>; DIRECTIONS]>,
 }
 
 impl Ranks {
-    /// Ranks the free cells of a map by their visits; densities come of `dwell`, the time steps that people spent in them.
+    /// Ranks the free cells of a map by their visits; densities come of `dwell`, the time steps that people spent in them,
+    /// and directions of the passages in `flow`.
     ///
     /// Cells that nobody visited have rank 0. Where nobody spent any time, all densities are 0.
     ///
     /// # Panics
     /// If the counts are not of the map's size.
     #[must_use]
-    pub fn of(map: &OccupancyMap, visits: &Grid<u32>, dwell: Option<&Grid<u32>>) -> Self {
+    pub fn of(map: &OccupancyMap, visits: &Grid<u32>, dwell: Option<&Grid<u32>>, flow: Option<&Flow>) -> Self {
         let free = map.free();
         let mut rank = share_below(visits, free);
         for (rank, _) in rank.as_mut_slice().iter_mut().zip(free.as_slice()).filter(|(_, free)| !**free) {
@@ -33,7 +37,12 @@ impl Ranks {
         }
         let nobody = || Grid::filled(free.rows(), free.cols(), 0.0);
         let density = dwell.map(|dwell| relative_to_mean(dwell, free).unwrap_or_else(nobody));
-        Self { rank, density }
+        let code = |share: &f32, free: bool| if free { libm::roundf(share * 255.0) as u8 } else { 0 };
+        let codes = |shares: &Grid<f32>| {
+            let cells = shares.as_slice().iter().zip(free.as_slice());
+            Grid::from_vec(free.rows(), free.cols(), cells.map(|(share, free)| code(share, *free)).collect())
+        };
+        Self { rank, density, flow: flow.map(|flow| shares(flow).each_ref().map(codes)) }
     }
 }
 
@@ -68,13 +77,15 @@ impl Known<'_> {
         match self {
             Self::Classes(labels) => Target::Classes { classes: labels.count, labels: Vec::new() },
             Self::Ranks(ranks) => {
-                Target::Ranks { rank: Vec::new(), density: ranks.density.as_ref().map(|_| Vec::new()) }
+                let (density, flow) =
+                    (ranks.density.as_ref().map(|_| Vec::new()), ranks.flow.as_ref().map(|_| Vec::new()));
+                Target::Ranks { rank: Vec::new(), density, flow }
             }
         }
     }
 }
 
-/// What windows teach of their cells; all values have the shape [windows, size, size].
+/// What windows teach of their cells; but for the flow all values have the shape [windows, size, size].
 #[derive(Debug, Clone, PartialEq)]
 pub enum Target {
     /// Classes.
@@ -90,6 +101,9 @@ pub enum Target {
         rank: Vec<f32>,
         /// Expected number of people relative to the mean of the map's free cells; 0 for blocked cells.
         density: Option<Vec<f32>>,
+        /// Share of the passages that go in each direction, in 255ths; all 0 where nobody passes. Shape [windows,
+        /// [`DIRECTIONS`], size, size].
+        flow: Option<Vec<u8>>,
     },
 }
 
@@ -99,8 +113,9 @@ impl Target {
     pub fn emptied(&self) -> Self {
         match self {
             Self::Classes { classes, .. } => Self::Classes { classes: *classes, labels: Vec::new() },
-            Self::Ranks { density, .. } => {
-                Self::Ranks { rank: Vec::new(), density: density.as_ref().map(|_| Vec::new()) }
+            Self::Ranks { density, flow, .. } => {
+                let (density, flow) = (density.as_ref().map(|_| Vec::new()), flow.as_ref().map(|_| Vec::new()));
+                Self::Ranks { rank: Vec::new(), density, flow }
             }
         }
     }
@@ -159,11 +174,27 @@ mod tests {
         let free = Grid::from_vec(1, 5, vec![true, false, true, true, true]);
         let map = OccupancyMap::new(free, Frame::at_zero(0.1, 1, 5)).expect("free cells");
         let row = |counts: &[u32]| Grid::from_vec(1, 5, counts.to_vec());
-        let ranks = Ranks::of(&map, &row(&[1, 9, 3, 1, 0]), Some(&row(&[2, 9, 4, 2, 0])));
+        let ranks = Ranks::of(&map, &row(&[1, 9, 3, 1, 0]), Some(&row(&[2, 9, 4, 2, 0])), None);
         assert_eq!(ranks.rank.as_slice(), [0.25, NO_RANK, 0.75, 0.25, 0.0]);
         assert_eq!(ranks.density.expect("time steps").as_slice(), [1.0, 0.0, 2.0, 1.0, 0.0]);
-        let nobody = Ranks::of(&map, &row(&[0; 5]), Some(&row(&[0; 5])));
+        assert_eq!(ranks.flow, None);
+        let nobody = Ranks::of(&map, &row(&[0; 5]), Some(&row(&[0; 5])), None);
         assert_eq!(nobody.rank.as_slice(), [0.0, NO_RANK, 0.0, 0.0, 0.0]);
         assert_eq!(nobody.density.expect("no time steps").as_slice(), [0.0; 5]);
+    }
+
+    /// Four people pass the first cell, three of them to the right, one to the left; nobody passes the last.
+    #[test]
+    fn flows_are_shares_of_passages() {
+        let map = OccupancyMap::new(Grid::from_vec(1, 3, vec![true, false, true]), Frame::at_zero(0.1, 1, 3));
+        let mut flow: Flow = std::array::from_fn(|_| Grid::filled(1, 3, 0));
+        flow[0] = Grid::from_vec(1, 3, vec![3, 5, 0]);
+        flow[4] = Grid::from_vec(1, 3, vec![1, 0, 0]);
+        let visits = Grid::from_vec(1, 3, vec![4, 5, 0]);
+        let ranks = Ranks::of(&map.expect("free cells"), &visits, None, Some(&flow));
+        let codes = ranks.flow.expect("it was given");
+        // 3/4 and 1/4 of 255 are 191.25 and 63.75.
+        assert_eq!((codes[0].as_slice(), codes[4].as_slice()), (&[191, 0, 0][..], &[64, 0, 0][..]));
+        assert!((1..4).chain(5..8).all(|direction| codes[direction].as_slice() == [0; 3]));
     }
 }

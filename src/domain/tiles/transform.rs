@@ -1,5 +1,7 @@
 //! The eight rotations and mirrorings of a square.
 
+use crate::domain::raster::DIRECTIONS;
+
 /// One of the eight ways to lay a square onto itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Transform {
@@ -61,6 +63,24 @@ impl Transform {
         }
     }
 
+    /// Returns where a direction of flow points afterwards; directions are counted counter-clockwise from that of x, which
+    /// is to the right.
+    #[must_use]
+    pub const fn direction(self, direction: usize) -> usize {
+        const ALL: usize = DIRECTIONS;
+        let turned = match self {
+            Self::Identity => direction,
+            Self::Left => direction + ALL / 4,
+            Self::Half => direction + ALL / 2,
+            Self::Right => direction + 3 * ALL / 4,
+            Self::Mirror => ALL + ALL / 2 - direction,
+            Self::Flip => ALL - direction,
+            Self::Transpose => ALL + 3 * ALL / 4 - direction,
+            Self::AntiTranspose => ALL + ALL / 4 - direction,
+        };
+        turned % ALL
+    }
+
     /// Returns the transform that undoes this one.
     #[must_use]
     pub const fn inverse(self) -> Self {
@@ -91,6 +111,25 @@ mod tests {
         check(Transform::Flip, "ghidefabc");
         check(Transform::Transpose, "adgbehcfi");
         check(Transform::AntiTranspose, "ifchebgda");
+    }
+
+    /// A step from the middle of a square of five cells a side to one of the eight neighbors at its rim, followed through
+    /// the transform.
+    #[test]
+    fn directions_turn_with_the_square() {
+        // Column and row of the rim's cell in each direction: up is towards row 0.
+        let ends = [(4, 2), (4, 0), (2, 0), (0, 0), (0, 2), (0, 4), (2, 4), (4, 4)];
+        for transform in Transform::ALL {
+            for (direction, (col, row)) in ends.into_iter().enumerate() {
+                let (mut square, mut turned) = ([0; 25], [0; 25]);
+                square[row * 5 + col] = 1;
+                transform.apply(5, &square, &mut turned);
+                let found = turned.iter().position(|cell| *cell == 1).expect("it is somewhere");
+                let (col, row) = ends[transform.direction(direction)];
+                assert_eq!(found, row * 5 + col, "{transform:?} {direction}");
+                assert_eq!(transform.inverse().direction(transform.direction(direction)), direction);
+            }
+        }
     }
 
     #[test]

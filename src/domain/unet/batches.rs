@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use crate::domain::random::Stream;
+use crate::domain::raster::DIRECTIONS;
 use crate::domain::tiles::{Target, Tiles, Transform};
 
 /// The order of an epoch's samples: each window in each of its eight transforms once.
@@ -36,7 +37,7 @@ pub struct Batch {
     pub planes: usize,
     /// Codes of each plane, the first with 1 for free and 0 for blocked cells; shape [samples, planes, size, size].
     pub images: Vec<u8>,
-    /// What is to be learned; shape [samples, size, size].
+    /// What is to be learned, as of so many windows.
     pub target: Target,
 }
 
@@ -75,16 +76,22 @@ impl Batch {
         self.size = tiles.size;
         let samples: Vec<_> = samples.iter().map(|sample| tiles.sample(*sample as usize)).collect();
         for (plane, codes) in std::iter::once(&tiles.occupancy).chain(tiles.besides.values()).enumerate() {
-            turn(&mut self.images, codes, tiles.size, &samples, [plane, self.planes]);
+            turn(&mut self.images, codes, tiles.size, &samples, (1, self.planes), |_, _| plane);
         }
         match (&mut self.target, &tiles.target) {
             (Target::Classes { labels, .. }, Target::Classes { labels: all, .. }) => {
-                turn(labels, all, tiles.size, &samples, [0, 1]);
+                turn(labels, all, tiles.size, &samples, (1, 1), |_, _| 0);
             }
-            (Target::Ranks { rank, density }, Target::Ranks { rank: all_ranks, density: all_densities }) => {
-                turn(rank, all_ranks, tiles.size, &samples, [0, 1]);
+            (
+                Target::Ranks { rank, density, flow },
+                Target::Ranks { rank: all_ranks, density: all_densities, flow: all_flows },
+            ) => {
+                turn(rank, all_ranks, tiles.size, &samples, (1, 1), |_, _| 0);
                 if let (Some(density), Some(all)) = (density, all_densities) {
-                    turn(density, all, tiles.size, &samples, [0, 1]);
+                    turn(density, all, tiles.size, &samples, (1, 1), |_, _| 0);
+                }
+                if let (Some(flow), Some(all)) = (flow, all_flows) {
+                    turn(flow, all, tiles.size, &samples, (DIRECTIONS, DIRECTIONS), Transform::direction);
                 }
             }
             _ => unreachable!("a batch has the target of its tiles"),
@@ -92,18 +99,22 @@ impl Batch {
     }
 }
 
-/// Copies windows, each turned and mirrored by its transform, to where one of so many planes lies.
+/// Copies windows of some planes, each turned and mirrored by its transform, to where `place` says that a transformed plane
+/// lies, among so many.
 fn turn<T: Copy + Default + Send + Sync>(
     out: &mut Vec<T>,
     all: &[T],
     size: usize,
     samples: &[(usize, Transform)],
-    [plane, planes]: [usize; 2],
+    (from, to): (usize, usize),
+    place: impl Fn(Transform, usize) -> usize + Sync,
 ) {
     let cells = size * size;
-    out.resize(samples.len() * planes * cells, T::default());
-    out.par_chunks_exact_mut(planes * cells).zip(samples).for_each(|(out, (window, transform))| {
-        transform.apply(size, &all[window * cells..][..cells], &mut out[plane * cells..][..cells]);
+    out.resize(samples.len() * to * cells, T::default());
+    out.par_chunks_exact_mut(to * cells).zip(samples).for_each(|(out, (window, transform))| {
+        for (plane, window) in all[window * from * cells..].chunks_exact(cells).take(from).enumerate() {
+            transform.apply(size, window, &mut out[place(*transform, plane) * cells..][..cells]);
+        }
     });
 }
 
@@ -144,8 +155,9 @@ mod tests {
         let classes = tiles();
         let numbers = |factor: f32| (0..2 * 64).map(|i| i as f32 * factor).collect::<Vec<f32>>();
         let (rank, density) = (numbers(0.001), numbers(2.0));
-        let ranks =
-            Tiles { target: Target::Ranks { rank: rank.clone(), density: Some(density.clone()) }, ..classes.clone() };
+        let flow: Vec<u8> = (0..2 * DIRECTIONS * 64).map(|i| (i / 64 * 16 + i % 11) as u8).collect();
+        let known = Target::Ranks { rank: rank.clone(), density: Some(density.clone()), flow: Some(flow.clone()) };
+        let ranks = Tiles { target: known, ..classes.clone() };
         let Target::Classes { labels: all, .. } = &classes.target else { unreachable!("made of classes") };
         let (mut labeled, mut ranked) = (Batch::of(&classes), Batch::of(&ranks));
         for (batch, tiles) in [(&mut labeled, &classes), (&mut ranked, &ranks)] {
@@ -167,7 +179,14 @@ mod tests {
             assert_eq!((labeled.image(i), ranked.image(i)), (&image[..], &image[..]));
             let Target::Classes { labels: found, .. } = &labeled.target else { panic!("classes") };
             assert_eq!(found[part.clone()], labels);
-            let Target::Ranks { rank: found, density: Some(densities) } = &ranked.target else { panic!("ranks") };
+            let Target::Ranks { rank: found, density: Some(densities), flow: Some(flows) } = &ranked.target else {
+                panic!("ranks")
+            };
+            for direction in 0..DIRECTIONS {
+                let (mut turned, to) = ([0; 64], transform.direction(direction));
+                transform.apply(8, &flow[(window * DIRECTIONS + direction) * 64..][..64], &mut turned);
+                assert_eq!(flows[(i * DIRECTIONS + to) * 64..][..64], turned);
+            }
             assert_eq!(found[part.clone()], turned(&rank, window, transform));
             assert_eq!(densities[part], turned(&density, window, transform));
         }

@@ -15,6 +15,7 @@ use super::outputs::Outputs;
 use super::tally::Tally;
 use super::{UnetError, ops};
 use crate::domain::planes::Plane;
+use crate::domain::raster::DIRECTIONS;
 use crate::domain::tiles::Target;
 
 /// Adam's decay of the mean of gradients.
@@ -194,11 +195,17 @@ impl Learner {
                 let labels = Tensor::<4, Int>::from_data(TensorData::new(labels, shape), self.compute.device());
                 (weighted_cross_entropy(logits, labels, weights), tally)
             }
-            Target::Ranks { rank, density } => {
+            Target::Ranks { rank, density, flow } => {
                 let tally = self.tally_ranks(&logits, rank);
                 let free = tensor(rank.iter().map(|rank| f32::from(u8::from(*rank >= 0.0))).collect());
                 let density = density.as_ref().map(|density| tensor(density.clone()));
-                (rank_loss(logits, tensor(rank.clone()), density, free), tally)
+                let flow = flow.as_ref().map(|flow| {
+                    let shape = [batch.len(), DIRECTIONS, batch.size, batch.size];
+                    let codes = flow.iter().map(|code| f32::from(*code)).collect();
+                    let codes = Tensor::<4>::from_data(TensorData::new(codes, shape), self.compute.device());
+                    codes.clone() / codes.sum_dim(1).clamp_min(1.0)
+                });
+                (rank_loss(logits, tensor(rank.clone()), density, flow, free), tally)
             }
         }
     }

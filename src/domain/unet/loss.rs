@@ -3,6 +3,8 @@
 use burn::tensor::activation::{log_sigmoid, log_softmax};
 use burn::tensor::{Int, Tensor};
 
+use crate::domain::raster::DIRECTIONS;
+
 /// Computes the weighted cross-entropy of a batch: the weighted sum over its pixels, divided by the sum of the weights.
 ///
 /// `logits` [batch, C + 1, rows, columns]; `labels` [batch, 1, rows, columns] with the class of each pixel, 0 for the
@@ -23,20 +25,36 @@ pub const DENSITY_WEIGHT: f32 = 0.1;
 /// Logits of densities are cut off at so much from zero.
 pub const DENSITY_LOGIT: f32 = 12.0;
 
-/// Computes the loss of ranks (and densities) of a batch: its mean over the free cells.
+/// Weight of the loss of directions beside that of ranks.
+pub const FLOW_WEIGHT: f32 = 0.1;
+
+/// Computes the loss of ranks (and densities, and directions) of a batch: its mean over the free cells.
 ///
-/// `logits` [batch, 1 or 2, rows, columns]; `rank` [batch, 1, rows, columns] from 0 to 1, and anything where `free`, of the
+/// `logits` [batch, outputs, rows, columns]; `rank` [batch, 1, rows, columns] from 0 to 1, and anything where `free`, of the
 /// same shape, is 0 and not 1. A rank r is taken as a probability, and its loss with the logit z is the cross-entropy
 /// −r ln σ(z) − (1 − r) ln σ(−z). A density d has the loss of Poisson regression, e^z − d z, times [`DENSITY_WEIGHT`].
+/// Shares of directions, `flow` [batch, 8, rows, columns], with the sum 1, or 0 where nobody passes, have the cross-entropy
+/// with the softmax of their logits, times [`FLOW_WEIGHT`].
 #[must_use]
-pub fn rank_loss(logits: Tensor<4>, rank: Tensor<4>, density: Option<Tensor<4>>, free: Tensor<4>) -> Tensor<1> {
+pub fn rank_loss(
+    logits: Tensor<4>,
+    rank: Tensor<4>,
+    density: Option<Tensor<4>>,
+    flow: Option<Tensor<4>>,
+    free: Tensor<4>,
+) -> Tensor<1> {
     let total = free.clone().sum().clamp_min(1.0);
     let z = logits.clone().narrow(1, 0, 1);
     let likelihood = rank.clone() * log_sigmoid(z.clone()) + (rank.neg() + 1.0) * log_sigmoid(z.neg());
     let mut loss = likelihood.neg();
+    let first_direction = 1 + usize::from(density.is_some());
     if let Some(density) = density {
-        let z = logits.narrow(1, 1, 1).clamp(-DENSITY_LOGIT, DENSITY_LOGIT);
+        let z = logits.clone().narrow(1, 1, 1).clamp(-DENSITY_LOGIT, DENSITY_LOGIT);
         loss = loss + (z.clone().exp() - density * z) * DENSITY_WEIGHT;
+    }
+    if let Some(flow) = flow {
+        let likelihood = log_softmax(logits.narrow(1, first_direction, DIRECTIONS), 1);
+        loss = loss - (flow * likelihood).sum_dim(1) * FLOW_WEIGHT;
     }
     (loss * free).sum() / total
 }
@@ -87,11 +105,20 @@ mod tests {
         let (two, three) = (2f32.ln(), 3f32.ln());
         let (rank, free) = (tensor(vec![0.75, 0.0, 0.9], 1), tensor(vec![1.0, 1.0, 0.0], 1));
         let entropy = -0.75 * 0.75f64.ln() - 0.25 * 0.25f64.ln() + 2f64.ln();
-        let loss = rank_loss(tensor(vec![three, 0.0, 5.0], 1), rank.clone(), None, free.clone());
+        let loss = rank_loss(tensor(vec![three, 0.0, 5.0], 1), rank.clone(), None, None, free.clone());
         assert!((f64::from(loss.into_scalar::<f32>()) - entropy / 2.0).abs() < 1e-6);
         let logits = tensor(vec![three, 0.0, 5.0, two, 0.0, 7.0], 2);
-        let loss = rank_loss(logits, rank, Some(tensor(vec![2.0, 0.0, 3.0], 1)), free);
+        let loss = rank_loss(logits, rank.clone(), Some(tensor(vec![2.0, 0.0, 3.0], 1)), None, free.clone());
         let expected = (entropy + 0.1 * (2.0 - 2.0 * 2f64.ln() + 1.0)) / 2.0;
+        assert!((f64::from(loss.into_scalar::<f32>()) - expected).abs() < 1e-6, "{expected}");
+        // Three quarters go in direction 0, whose logit is ln 9, and one in direction 2; the other seven have 0, so that
+        // the probabilities are 9/16 and 1/16. Over the second pixel nobody passes; the third is blocked.
+        let nine = 9f32.ln();
+        let directions = |first: [f32; 3], third: [f32; 3]| [first, [0.0; 3], third, [0.0; 3]].concat();
+        let shares = [directions([0.75, 0.0, 1.0], [0.25, 0.0, 0.0]), vec![0.0; 12]].concat();
+        let logits = [vec![three, 0.0, 5.0], directions([nine, 3.0, 2.0], [0.0; 3]), vec![0.0; 12]].concat();
+        let loss = rank_loss(tensor(logits, 9), rank, None, Some(tensor(shares, 8)), free);
+        let expected = (entropy + 0.1 * (0.75 * (16.0 / 9.0f64).ln() + 0.25 * 16.0f64.ln())) / 2.0;
         assert!((f64::from(loss.into_scalar::<f32>()) - expected).abs() < 1e-6, "{expected}");
     }
 }

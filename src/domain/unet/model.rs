@@ -10,6 +10,7 @@ use super::layers::{Input, Layer, Layers};
 use super::loss::DENSITY_LOGIT;
 use super::outputs::Outputs;
 use crate::domain::random::Stream;
+use crate::domain::raster::DIRECTIONS;
 
 /// The segmentation U-Net (section IV-B, appendix E), or one of another [architecture](super::Architecture).
 ///
@@ -67,16 +68,21 @@ impl UNet {
         logits(&self.layers, &self.parameters(), &planes)
     }
 
-    /// Computes what the [logits](Self::forward) say: probabilities of classes, or ranks and densities, of the same shape.
+    /// Computes what the [logits](Self::forward) say: probabilities of classes, or ranks, densities and directions, of the same shape.
     #[must_use]
     pub fn predict(&self, outputs: Outputs, planes: Tensor<4>) -> Tensor<4> {
         let logits = self.forward(planes);
         match outputs {
             Outputs::Classes(_) => softmax(logits, 1),
-            Outputs::Ranks { density: false } => sigmoid(logits),
-            Outputs::Ranks { density: true } => {
-                let density = logits.clone().narrow(1, 1, 1).clamp(-DENSITY_LOGIT, DENSITY_LOGIT).exp();
-                Tensor::cat(vec![sigmoid(logits.narrow(1, 0, 1)), density], 1)
+            Outputs::Ranks { density, .. } => {
+                let mut said = vec![sigmoid(logits.clone().narrow(1, 0, 1))];
+                if density {
+                    said.push(logits.clone().narrow(1, 1, 1).clamp(-DENSITY_LOGIT, DENSITY_LOGIT).exp());
+                }
+                if let Some(first) = outputs.flow() {
+                    said.push(softmax(logits.narrow(1, first, DIRECTIONS), 1));
+                }
+                Tensor::cat(said, 1)
             }
         }
     }

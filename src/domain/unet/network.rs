@@ -72,7 +72,7 @@ impl Network {
     ///
     /// `images` has the codes of each plane, shape [n, planes, rows, cols], of which the first has 1 for free and 0 for
     /// blocked cells and the others are those [besides](Layers::besides); `out` gets [n, rows, cols, outputs]: the
-    /// probability of every class, class 0 being the obstacle, or rank and density. Beyond its edge an image counts as
+    /// probability of every class, class 0 being the obstacle, or rank, density and shares of directions. Beyond its edge an image counts as
     /// blocked (zero padding).
     ///
     /// # Panics

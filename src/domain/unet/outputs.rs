@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::domain::raster::DIRECTIONS;
 use crate::domain::tiles::Target;
 
 /// What the numbers are that a network computes for every cell.
@@ -10,10 +11,13 @@ use crate::domain::tiles::Target;
 pub enum Outputs {
     /// Probabilities of the obstacle and of so many classes (softmax).
     Classes(u8),
-    /// The rank, 0 to 1 (logistic function of its logit), and if asked for, the density (exponential of its logit).
+    /// The rank, 0 to 1 (logistic function of its logit), and if asked for, the density (exponential of its logit) and the
+    /// shares of passages in the directions of flow (softmax of their logits).
     Ranks {
         /// Whether there is a density.
         density: bool,
+        /// Whether there are directions of flow.
+        flow: bool,
     },
 }
 
@@ -23,7 +27,7 @@ impl Outputs {
     pub const fn of(target: &Target) -> Self {
         match target {
             Target::Classes { classes, .. } => Self::Classes(*classes),
-            Target::Ranks { density, .. } => Self::Ranks { density: density.is_some() },
+            Target::Ranks { density, flow, .. } => Self::Ranks { density: density.is_some(), flow: flow.is_some() },
         }
     }
 
@@ -32,7 +36,16 @@ impl Outputs {
     pub const fn count(self) -> usize {
         match self {
             Self::Classes(classes) => classes as usize + 1,
-            Self::Ranks { density } => 1 + density as usize,
+            Self::Ranks { density, flow } => 1 + density as usize + DIRECTIONS * flow as usize,
+        }
+    }
+
+    /// Returns which of the numbers is the first direction of flow, if there are some: the last eight are.
+    #[must_use]
+    pub const fn flow(self) -> Option<usize> {
+        match self {
+            Self::Ranks { flow: true, .. } => Some(self.count() - DIRECTIONS),
+            _ => None,
         }
     }
 

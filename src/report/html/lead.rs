@@ -60,7 +60,12 @@ pub(super) fn section(source: &Source<'_>) -> Markup {
     let any_scores = rows.iter().flat_map(|row| &row.maps).any(scored);
     let any_costs = rows.iter().flat_map(|row| &row.maps).any(|map| map.costs.is_some());
     let any_sizes = rows.iter().flat_map(|row| &row.maps).any(|map| Row::model(map).is_some_and(|c| c.size.is_some()));
-    let measures = if any_scores { &Measure::ALL[..] } else { &[] };
+    // All of them, but directions only where somebody tells them.
+    let is_shown = |measure: &Measure| {
+        let has = |map: &Scored<'_>| map.scores.as_ref().is_some_and(|scores| scores.of(*measure).is_some());
+        any_scores && (*measure != Measure::Flow || rows.iter().flat_map(|row| &row.maps).any(has))
+    };
+    let measures: Vec<Measure> = Measure::ALL.into_iter().filter(is_shown).collect();
     if !any_scores && !any_costs {
         return html! {};
     }
@@ -71,7 +76,7 @@ pub(super) fn section(source: &Source<'_>) -> Markup {
             div.scroll { table.numbers {
                 thead { tr {
                     th { "heat" } th { "maps" }
-                    @for measure in measures { th { (heading(*measure)) } }
+                    @for measure in &measures { th { (heading(*measure)) } }
                     @if any_costs { th { "ρ of social cost" } th { "ahead of constant" } }
                     @if any_sizes { th { "true / expected cost" } th { "error of its size" } }
                     th { "a map took" }
@@ -81,7 +86,7 @@ pub(super) fn section(source: &Source<'_>) -> Markup {
                         tr {
                             td { code { (row.stage) } }
                             td { (row.maps.len()) }
-                            @for measure in measures {
+                            @for measure in &measures {
                                 (cell(row.mean(|map| map.scores.as_ref()?.of(*measure)), decimals(*measure)))
                             }
                             @if any_costs {
@@ -232,7 +237,7 @@ fn cell(estimate: Option<Estimate>, decimals: usize) -> Markup {
 }
 
 const fn decimals(measure: Measure) -> usize {
-    if measure.is_distance() { 2 } else { 3 }
+    if measure.is_distance() || matches!(measure, Measure::Flow) { 2 } else { 3 }
 }
 
 fn heading(measure: Measure) -> String {

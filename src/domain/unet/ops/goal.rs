@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::logistic::Ranked;
 use super::softmax::Labeled;
+use crate::domain::raster::DIRECTIONS;
 use crate::domain::tiles::Target;
 
 /// Returns what the loss of a batch is divided by: the sum of the weights of its pixels, or the number of those with a rank.
@@ -37,9 +38,10 @@ impl<'a> Goal<'a> {
     pub(super) fn of(target: &'a Target, of: Range<usize>, weights: &'a [f32], scale: f32) -> Self {
         match target {
             Target::Classes { labels, .. } => Self::Classes(Labeled { labels: &labels[of], weights, scale }),
-            Target::Ranks { rank, density } => {
+            Target::Ranks { rank, density, flow } => {
                 let density = density.as_ref().map(|density| &density[of.clone()]);
-                Self::Ranks(Ranked { rank: &rank[of], density, scale })
+                let flow = flow.as_ref().map(|flow| &flow[DIRECTIONS * of.start..DIRECTIONS * of.end]);
+                Self::Ranks(Ranked { rank: &rank[of], density, flow, scale })
             }
         }
     }

@@ -44,7 +44,7 @@ impl Workspace {
         let logits = self.maps.last().expect("a network has a head");
         match outputs {
             Outputs::Classes(_) => softmax::probabilities(simd, logits, outputs.count(), out),
-            Outputs::Ranks { .. } => logistic::ranks(simd, logits, outputs.count(), out),
+            Outputs::Ranks { .. } => logistic::ranks(simd, logits, outputs, out),
         }
     }
 

@@ -92,9 +92,9 @@ fn loss_rows(logits: &mut Image, labeled: Labeled<'_>, outcome: &mut Outcome) {
     }
 }
 
-/// Reads the logits of a group of pixels, class by class.
+/// Reads logits of a group of pixels, class by class, of which the first is where `pixels` begins.
 #[inline(always)]
-fn gather(pixels: &[f32], channels: usize, lanes: &mut [Group]) {
+pub(super) fn gather(pixels: &[f32], channels: usize, lanes: &mut [Group]) {
     for (class, lane) in lanes.iter_mut().enumerate() {
         for (p, value) in lane.iter_mut().enumerate() {
             *value = pixels[p * channels + class];
@@ -104,7 +104,7 @@ fn gather(pixels: &[f32], channels: usize, lanes: &mut [Group]) {
 
 /// Replaces logits by their exponentials, the largest being 1; returns the largest logit and the sum of exponentials.
 #[inline(always)]
-fn exponentials(lanes: &mut [Group]) -> (Group, Group) {
+pub(super) fn exponentials(lanes: &mut [Group]) -> (Group, Group) {
     let mut most = [f32::NEG_INFINITY; PIXELS];
     for lane in lanes.iter() {
         for p in 0..PIXELS {

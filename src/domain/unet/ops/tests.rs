@@ -229,13 +229,21 @@ fn batch(size: usize, samples: usize, classes: usize, besides: &[Plane]) -> Batc
     }
 }
 
-/// The same images with ranks, and densities if asked for.
-fn ranked(batch: &Batch, density: bool) -> Batch {
+/// The same images with ranks, and densities and directions of flow if asked for.
+fn ranked(batch: &Batch, density: bool, flow: bool) -> Batch {
     let mut stream = Stream::new(10, &[0; 32], 0, "ops/test");
     let free = (0..batch.len()).flat_map(|sample| &batch.image(sample)[..batch.size * batch.size]);
     let rank: Vec<f32> = free.map(|free| if *free > 0 { stream.unit() as f32 } else { -1.0 }).collect();
     let density = density.then(|| rank.iter().map(|rank| 3.0 * rank.max(0.0)).collect());
-    Batch { target: Target::Ranks { rank, density }, ..batch.clone() }
+    // Some cells are passed by nobody, and some blocked ones have directions, which must not matter.
+    let codes = 8 * rank.len();
+    let flow = flow.then(|| (0..codes).map(|i| if i % 7 == 0 { 0 } else { stream.below(64) as u8 }).collect());
+    let flow = flow.map(|mut flow: Vec<u8>| {
+        let cells = batch.size * batch.size;
+        (0..8).for_each(|direction| flow[direction * cells + 5] = 0);
+        flow
+    });
+    Batch { target: Target::Ranks { rank, density, flow }, ..batch.clone() }
 }
 
 fn learner(network: &Architecture, besides: &[Plane], compute: &Compute, outputs: Outputs) -> Learner {
@@ -265,9 +273,10 @@ fn loss_and_gradients_are_those_of_burns_own_operations() {
     let [paper, other, double] = &architectures();
     let batches = [(paper, 8, 1, 1), (paper, 16, 11, 3), (paper, 24, 9, 16), (other, 32, 9, 3), (double, 16, 9, 3)]
         .map(|(network, size, samples, classes)| (network, &[][..], batch(size, samples, classes, &[])));
-    let [plain, dense] = [false, true].map(|density| (paper, &[][..], ranked(&batch(16, 11, 3, &[]), density)));
-    let shown = (double, &Plane::ALL[..], ranked(&batch(16, 9, 3, &Plane::ALL), true));
-    for (network, besides, batch) in batches.into_iter().chain([plain, dense, shown]) {
+    let ranks = [(false, false), (true, false), (false, true)]
+        .map(|(density, flow)| (paper, &[][..], ranked(&batch(16, 11, 3, &[]), density, flow)));
+    let shown = (double, &Plane::ALL[..], ranked(&batch(16, 9, 3, &Plane::ALL), true, true));
+    for (network, besides, batch) in batches.into_iter().chain(ranks).chain([shown]) {
         let (size, samples, outputs) = (batch.size, batch.len(), Outputs::of(&batch.target));
         let plain = learner(network, besides, &Compute::plain(DeviceName::Flex).expect("everywhere"), outputs);
         let (loss, gradient, tally) = plain.gradient(&batch);
@@ -294,7 +303,7 @@ fn loss_and_gradients_are_those_of_burns_own_operations() {
 #[test]
 fn gradients_are_differences_of_the_loss() {
     let classes = batch(32, 4, 3, &[]);
-    let ranks = ranked(&batch(32, 4, 3, &[Plane::Paths]), true);
+    let ranks = ranked(&batch(32, 4, 3, &[Plane::Paths]), true, true);
     let [paper, other, double] = &architectures();
     let (none, paths) = (&[][..], &[Plane::Paths][..]);
     let cases = [(paper, none, &classes), (other, none, &classes), (double, none, &classes), (paper, paths, &ranks)];
@@ -340,8 +349,10 @@ fn predictions_are_those_of_burns_own_operations() {
         (paper, 24, 40, none, classes(2)),
         (paper, 16, 136, none, classes(20)),
         (other, 32, 48, none, classes(3)),
-        (double, 24, 40, paths, Outputs::Ranks { density: false }),
-        (paper, 24, 40, &Plane::ALL, Outputs::Ranks { density: true }),
+        (double, 24, 40, paths, Outputs::Ranks { density: false, flow: false }),
+        (paper, 24, 40, &Plane::ALL, Outputs::Ranks { density: true, flow: false }),
+        (paper, 24, 40, none, Outputs::Ranks { density: false, flow: true }),
+        (double, 24, 40, none, Outputs::Ranks { density: true, flow: true }),
     ] {
         let mut stream = Stream::new(4, &[0; 32], 0, "ops/predict");
         let cells = 3 * rows * cols;
