@@ -20,7 +20,7 @@ pub(super) struct CrowdArgs {
     /// Number of independent episodes of a minute; the more, the steadier [default: 100].
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     episodes: Option<u32>,
-    /// How people choose their ways [default: shortest].
+    /// How people choose their ways and goals [default: comfortable].
     #[arg(long, value_enum)]
     preset: Option<PresetName>,
     /// Fewest and most people of an episode, as in `4,12` [default: 1,8; more on a floor of more than 200 m²].
@@ -35,7 +35,8 @@ pub(super) struct CrowdArgs {
 enum PresetName {
     /// The shortest ways, which graze corners, as the paper has them.
     Shortest,
-    /// Ways that keep off walls and differ from person to person: nearer to recorded people, and slower to simulate.
+    /// Ways that keep off walls, differ from person to person and lead from room to room: nearer to recorded people, and what
+    /// the model that `trodden` brings has learned from.
     Comfortable,
     /// The wide and slow pedestrians of the iGibson simulator.
     Igibson,
@@ -58,7 +59,7 @@ impl CrowdArgs {
     /// # Errors
     /// [`CliError`] names the option that is out of range.
     pub(super) fn walks(&self) -> Result<Walks, CliError> {
-        let preset = self.preset.map(|preset| match preset {
+        let preset = Some(match self.preset.unwrap_or(PresetName::Comfortable) {
             PresetName::Shortest => Preset::Shortest,
             PresetName::Comfortable => Preset::Comfortable,
             PresetName::Igibson => Preset::Igibson,

@@ -4,6 +4,7 @@ pub mod annotate;
 pub mod baselines;
 pub mod crowd;
 pub mod geometry;
+pub mod hidden;
 pub mod homes;
 pub mod links;
 pub mod map;

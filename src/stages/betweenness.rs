@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Definition, baseline, kind};
-use crate::domain::baselines::{BetweennessConfig, betweenness};
+use crate::domain::baselines::{BetweennessConfig, Ways, betweenness, comfortable_betweenness};
 use crate::domain::random::Stream;
 use crate::kinds::{Heat, Placed};
 use crate::pipeline::stage::{Context, Inputs, Needs, Output, ParameterError, Part, Stage, StageError, StageSpec};
@@ -23,7 +23,7 @@ impl Definition for Betweenness {
         ports: &[baseline::MAP],
         output: kind::<Placed<Heat>>(),
         seeded: true,
-        doc: "Ranks the cells of a map by how many shortest paths lead over them (betweenness centrality, the paper's \
+        doc: "Ranks the cells of a map by how many shortest paths, or ways that people like, lead over them (betweenness centrality, the paper's \
               reference 7): a baseline for predictions.",
     };
 
@@ -46,7 +46,10 @@ impl Stage for Betweenness {
         let (map, digest) = baseline::map(inputs, context)?;
         let mut stream = Stream::new(context.seed, digest.as_bytes(), 0, "betweenness");
         let watch = baseline::watch(context, self.0.sources.into());
-        let found = betweenness(&map, &self.0, &mut stream, &watch).ok_or(StageError::Cancelled)?;
+        let found = match self.0.ways {
+            Ways::Shortest => betweenness(&map, &self.0, &mut stream, &watch).ok_or(StageError::Cancelled)?,
+            Ways::Comfortable => comfortable_betweenness(&map),
+        };
         baseline::write_heat(context, &map, &found, Some(&found))
     }
 }

@@ -13,6 +13,7 @@ pub mod crowd_heat;
 mod definition;
 mod episodes;
 pub mod generate_map;
+pub mod hide_rooms;
 pub mod import_map;
 pub mod import_tracks;
 pub mod isovist;
@@ -40,6 +41,7 @@ pub const REGISTER: Register = Register {
         simulate::Simulate::ENTRY,
         import_tracks::ImportTracks::ENTRY,
         rasterize::Rasterize::ENTRY,
+        hide_rooms::HideRooms::ENTRY,
         quantize::Quantize::ENTRY,
         tile::Tile::ENTRY,
         train::Train::ENTRY,

@@ -5,17 +5,32 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Definition, kind, read, write};
-use crate::domain::quantize::{Labels, class_weights};
+use crate::domain::geometry::Grid;
+use crate::domain::quantize::{Labels, OBSTACLE, UNLABELED, class_weights};
 use crate::domain::raster::VisitCounts;
 use crate::domain::score::{ClassScores, ScoreError, Scored, score};
 use crate::kinds::{Checkpoint, Heat, Placed, outline};
 use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Part, Port, Stage, StageError, StageSpec};
 use crate::store::Store;
 
-/// Parameters of `score`: there are none.
+/// Parameters of `score`.
 #[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields)]
-pub struct Score {}
+pub struct Score {
+    /// Which cells count where `watched` says that somebody looked at some.
+    cells: Cells,
+}
+
+/// Which cells count.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+enum Cells {
+    /// Those that somebody looked at.
+    #[default]
+    Watched,
+    /// Those that nobody looked at.
+    Unwatched,
+}
 
 impl Definition for Score {
     const SPEC: StageSpec = StageSpec {
@@ -36,6 +51,12 @@ impl Definition for Score {
                 arity: Arity::Optional,
                 doc: "The model that the prediction is of: its class weights scale the confusion matrix (fig. 2).",
             },
+            Port {
+                name: "watched",
+                kind: "VisitCounts",
+                arity: Arity::Optional,
+                doc: "Where somebody looked: only cells above 0 count, or only the others (`cells: unwatched`).",
+            },
         ],
         output: kind::<ClassScores>(),
         seeded: false,
@@ -55,8 +76,9 @@ impl Stage for Score {
     }
 
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
-        let (heat, digest): (Placed<Heat>, _) = read(context, inputs.one("heat"))?;
-        let labels = inputs.maybe("labels").map(|artifact| read::<Placed<Labels>>(context, artifact)).transpose()?;
+        let (mut heat, digest): (Placed<Heat>, _) = read(context, inputs.one("heat"))?;
+        let mut labels =
+            inputs.maybe("labels").map(|artifact| read::<Placed<Labels>>(context, artifact)).transpose()?;
         if let Some((labels, _)) = &labels {
             super::same_frame("heat", &heat.frame, "labels", &labels.frame)?;
         }
@@ -64,6 +86,12 @@ impl Stage for Score {
             inputs.maybe("visits").map(|artifact| read::<Placed<VisitCounts>>(context, artifact)).transpose()?;
         if let Some((visits, _)) = &visits {
             super::same_frame("heat", &heat.frame, "visits", &visits.frame)?;
+        }
+        if let Some(artifact) = inputs.maybe("watched") {
+            let (watched, _): (Placed<VisitCounts>, _) = read(context, artifact)?;
+            super::same_frame("heat", &heat.frame, "where it is watched", &watched.frame)?;
+            let counts = watched.value.counts.map(|count| (*count > 0) == (self.cells == Cells::Watched));
+            limit(&mut heat.value, labels.as_mut().map(|(labels, _)| &mut labels.value), &counts);
         }
         let model = inputs.maybe("model").map(|artifact| read::<Checkpoint>(context, artifact)).transpose()?;
         let weights = model.and_then(|(model, _)| model.config.counts().map(class_weights));
@@ -84,5 +112,18 @@ impl Stage for Score {
             error => StageError::failed(error),
         })?;
         write(context, &scores)
+    }
+}
+
+/// Leaves out the cells that do not count.
+fn limit(heat: &mut Heat, labels: Option<&mut Labels>, counts: &Grid<bool>) {
+    for (free, counts) in heat.free.as_mut_slice().iter_mut().zip(counts.as_slice()) {
+        *free &= counts;
+    }
+    let Some(labels) = labels else { return };
+    for (class, counts) in labels.classes.as_mut_slice().iter_mut().zip(counts.as_slice()) {
+        if *class > OBSTACLE && !counts {
+            *class = UNLABELED;
+        }
     }
 }

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use super::{Definition, kind, read, write};
+use crate::domain::geometry::Grid;
 use crate::domain::map::OccupancyMap;
-use crate::domain::quantize::Labels;
+use crate::domain::quantize::{Labels, OBSTACLE, UNLABELED};
 use crate::domain::raster::VisitCounts;
 use crate::domain::tiles::{Known, LabeledMap, Ranks, TileConfig, TileError, Tiles, cut};
 use crate::kinds::{Placed, outline};
@@ -44,6 +45,12 @@ impl Definition for Tile {
                 kind: "VisitCounts",
                 arity: Arity::OptionalGroup,
                 doc: "Beside visits, counts of time steps (`count: steps`), to learn how many people to expect.",
+            },
+            Port {
+                name: "watched",
+                kind: "VisitCounts",
+                arity: Arity::OptionalGroup,
+                doc: "Where somebody looked: of cells that count 0 nothing is learned.",
             },
         ],
         output: kind::<Tiles>(),
@@ -109,10 +116,23 @@ impl Learned {
 
 fn learned(name: &str, map: &OccupancyMap, inputs: &Inputs, context: &Context) -> Result<Learned, StageError> {
     let member = |port: &str| inputs.group(port).get(name).expect("the plan pairs the groups by name");
+    let watched = if inputs.has("watched") {
+        let (watched, _): (Placed<VisitCounts>, _) = read(context, member("watched"))?;
+        super::same_frame(name, map.frame(), "where it is watched", &watched.frame)?;
+        Some(watched.value.counts.map(|count| *count > 0))
+    } else {
+        None
+    };
     if inputs.has("labels") {
         let (labels, _): (Placed<Labels>, _) = read(context, member("labels"))?;
         super::same_frame(name, map.frame(), "its labels", &labels.frame)?;
-        return Ok(Learned::Classes(labels.value));
+        let mut labels = labels.value;
+        for (class, watched) in labels.classes.as_mut_slice().iter_mut().zip(watched.iter().flat_map(Grid::as_slice)) {
+            if *class > OBSTACLE && !watched {
+                *class = UNLABELED;
+            }
+        }
+        return Ok(Learned::Classes(labels));
     }
     let counts = |port: &str, what: &str| -> Result<VisitCounts, StageError> {
         let (visits, _): (Placed<VisitCounts>, _) = read(context, member(port))?;
@@ -121,7 +141,7 @@ fn learned(name: &str, map: &OccupancyMap, inputs: &Inputs, context: &Context) -
     };
     let dwell = if inputs.has("dwell") { Some(counts("dwell", "its counts of time steps")?.counts) } else { None };
     let VisitCounts { counts: visits, flow, .. } = counts("visits", "its visits")?;
-    Ok(Learned::Ranks(Ranks::of(map, &visits, dwell.as_ref(), flow.as_ref())))
+    Ok(Learned::Ranks(Ranks::of(map, &visits, dwell.as_ref(), flow.as_ref(), watched.as_ref())))
 }
 
 /// Says what helps.

@@ -295,7 +295,7 @@ fn simulate_does_what_a_pipeline_does() {
     place.write(
         "walk.yaml",
         "seed: 9\nmaps: { train: { files: ward/map.yaml } }\nstages:\n  \
-         walks: { use: simulate, map: $maps, episodes: 23, agents: [2, 3] }\n  \
+         walks: { use: simulate, map: $maps, episodes: 23, preset: comfortable, agents: [2, 3] }\n  \
          visits: { use: rasterize, map: $maps, walks: walks, flow: true }\n  \
          steps: { use: rasterize, map: $maps, walks: walks, count: steps }\n  \
          heat: { use: rank, map: $maps, visits: visits, steps: steps }\n",

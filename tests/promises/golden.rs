@@ -73,6 +73,12 @@ fn passages() -> Placed<VisitCounts> {
     Placed::new(frame(), VisitCounts { flow: Some(flow), ..visits })
 }
 
+/// The left half of the map is watched.
+fn watched() -> Placed<VisitCounts> {
+    let counts = on_free(0, |_, col| u32::from(2 * col < map().free().cols()));
+    Placed::new(frame(), VisitCounts { counts, paths: 1, flow: None })
+}
+
 fn labels() -> Placed<Labels> {
     let classes = on_free(0, |row, col| [-1, 1, 2, 3][row * col % 4]);
     Placed::new(frame(), Labels { classes, count: 3 })
@@ -252,11 +258,21 @@ fn output_changes_only_with_a_version() {
     bench.check("rank", json!({}), Part::Whole, &[("map", &map), ("visits", &visits), ("steps", &visits)]);
     let walls = bench.put(&ranks());
     bench.check("score", json!({}), Part::Whole, &[("heat", &walls), ("visits", &visits)]);
+    bench.check("hide-rooms", json!({}), Part::Whole, &[("map", &map)]);
+    let watched = bench.put(&watched());
+    let (sizes, seen) = (json!({ "size": 16, "stride": 8, "min_labeled": 64 }), [group(&visits), group(&watched)]);
+    let ports = [("map", &groups.0), ("visits", &seen[0]), ("watched", &seen[1])];
+    bench.check("tile", sizes, Part::Whole, &ports);
+    for cells in ["watched", "unwatched"] {
+        let ports = [("heat", &heat), ("labels", &labels), ("visits", &visits), ("watched", &watched)];
+        bench.check("score", json!({ "cells": cells }), Part::Whole, &ports);
+    }
     bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &walls), ("visits", &visits)]);
     let guesses = [
         ("wall-distance", json!({})),
         ("uniform", json!({})),
         ("betweenness", json!({ "sources": 40 })),
+        ("betweenness", json!({ "ways": "comfortable" })),
         ("criticality", json!({ "reach": 2 })),
         ("isovist", json!({ "picks": 20 })),
     ];
@@ -281,10 +297,15 @@ fn output_changes_only_with_a_version() {
         "cost 3 3f6ba027cfb18f33",
         "rank 2 496a82b1dfef1e6f",
         "score 4 39e31244e33d7dd7",
+        "hide-rooms 1 94589ef9151cbc9e",
+        "tile 3 576270f41cd65f86",
+        "score 4 5f713bb00833299d",
+        "score 4 d33dfa3850289abb",
         "cost 3 c66d2b415525f89a",
         "wall-distance 1 63e44d4938f0ad51",
         "uniform 1 c600cd2330f318eb",
         "betweenness 1 ba8e7e4e140817e9",
+        "betweenness 1 ff079f2e2aa349fe",
         "criticality 1 8b3a5c5a33cb5925",
         "isovist 1 413335f72a0825e0",
     ];

@@ -28,11 +28,25 @@ pub struct BetweennessConfig {
     /// Distance in meters that paths keep from walls, and radius of the discs that walk along them; up to 10.
     #[schemars(range(min = 0.0, max = 10.0))]
     pub radius: Meters,
+    /// Which paths are counted: the `shortest`, or those of `comfortable` people, off walls and from room to room, from always
+    /// the same 256 places and with discs of 0.2 m.
+    pub ways: Ways,
+}
+
+/// Which paths are counted.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Ways {
+    /// The shortest.
+    #[default]
+    Shortest,
+    /// Those that people like ([`comfortable_betweenness`](super::comfortable_betweenness)).
+    Comfortable,
 }
 
 impl Default for BetweennessConfig {
     fn default() -> Self {
-        Self { sources: 256, radius: Meters::new(0.2).expect("a length") }
+        Self { sources: 256, radius: Meters::new(0.2).expect("a length"), ways: Ways::Shortest }
     }
 }
 
@@ -182,7 +196,7 @@ mod tests {
     }
 
     fn of_points(sources: u32) -> BetweennessConfig {
-        BetweennessConfig { sources, radius: meters(0.0) }
+        BetweennessConfig { sources, radius: meters(0.0), ways: Ways::Shortest }
     }
 
     #[test]

@@ -15,7 +15,7 @@ mod rough;
 mod sight;
 mod swept;
 
-pub use betweenness::{BetweennessConfig, CriticalityConfig, betweenness, criticality};
+pub use betweenness::{BetweennessConfig, CriticalityConfig, Ways, betweenness, criticality};
 pub use error::BaselineError;
 pub use isovist::{IsovistConfig, isovist};
 pub use rough::{comfortable_betweenness, rough_betweenness};

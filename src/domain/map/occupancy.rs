@@ -103,6 +103,16 @@ impl OccupancyMap {
         self.free.as_slice().iter().filter(|free| **free).count()
     }
 
+    /// Returns the free cells that are among others of the same size.
+    ///
+    /// # Panics
+    /// If they are not of one size.
+    #[must_use]
+    pub fn both_free_and(&self, cells: &Grid<bool>) -> Grid<bool> {
+        assert_eq!((cells.rows(), cells.cols()), (self.free.rows(), self.free.cols()), "grids of one map");
+        Grid::from_fn(cells.rows(), cells.cols(), |cell| self.free[cell] && cells[cell])
+    }
+
     /// Returns the free area in square meters.
     #[must_use]
     pub fn free_area(&self) -> f64 {

@@ -1,19 +1,11 @@
 //! Doors by geometry alone: the lines on which two roomy regions meet in a narrow place.
 
-use std::collections::VecDeque;
-
 use crate::domain::geometry::{Cell, Grid};
-use crate::domain::map::{neighbors4, regions, squared_distances};
-
-/// The widest door in meters.
-const WIDEST: f64 = 1.3;
-/// The least floor of a region in which one is farther from the walls than in a door, in square meters.
-const LEAST_REGION: f64 = 0.25;
+use crate::domain::map::{neighbors4, rooms};
 
 /// Finds the doors of a map with cells of `resolution` meters: the free cells of each, those of one door together.
 ///
-/// Rooms are the regions of floor that is farther from walls than the middle of the widest door; the rest of the floor
-/// belongs to the room that is nearest on foot, and a door is where two of them meet.
+/// A door is where two [rooms](rooms()) meet.
 pub(super) fn doors(free: &Grid<bool>, resolution: f64) -> Vec<Vec<Cell>> {
     let rooms = rooms(free, resolution);
     let room = |(row, col): (isize, isize)| rooms.get(row, col).copied().unwrap_or(0);
@@ -42,33 +34,6 @@ pub(super) fn doors(free: &Grid<bool>, resolution: f64) -> Vec<Vec<Cell>> {
         doors.push(door);
     }
     doors
-}
-
-/// Numbers the rooms from 1; 0 are blocked cells and floor from which no room can be reached.
-fn rooms(free: &Grid<bool>, resolution: f64) -> Grid<u32> {
-    // Distances are to the centers of blocked cells, half a cell behind the walls.
-    let reach = 0.5 * WIDEST / resolution + 0.5;
-    let roomy = squared_distances(free).map(|squared| *squared > reach * reach);
-    let (mut rooms, sizes) = regions(&roomy);
-    let least = LEAST_REGION / (resolution * resolution);
-    for room in rooms.as_mut_slice() {
-        if *room > 0 && (sizes[*room as usize - 1] as f64) < least {
-            *room = 0;
-        }
-    }
-    let mut queue: VecDeque<Cell> = rooms.cells().filter(|cell| rooms[*cell] > 0).collect();
-    while let Some(cell) = queue.pop_front() {
-        for (row, col) in neighbors4(cell) {
-            if free.get(row, col) == Some(&true) {
-                let next = Cell::new(row as usize, col as usize);
-                if rooms[next] == 0 {
-                    rooms[next] = rooms[cell];
-                    queue.push_back(next);
-                }
-            }
-        }
-    }
-    rooms
 }
 
 #[cfg(test)]

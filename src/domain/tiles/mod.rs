@@ -3,6 +3,7 @@
 mod target;
 mod transform;
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -10,7 +11,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{Cell, Grid};
-use super::map::OccupancyMap;
+use super::map::{Observed, OccupancyMap};
 use super::planes::{self, Plane};
 use super::quantize::OBSTACLE;
 
@@ -34,11 +35,39 @@ pub struct TileConfig {
     /// share of the map's free cells that fewer shortest paths lead over; `ways`, the same of ways from room to room that
     /// people like, who keep off walls and differ.
     pub besides: Vec<Plane>,
+    /// What a network is shown of a map: the `map` itself, or what is `observed` of it, as a scan with its noise, its gaps
+    /// and its unknown space; what is learned is known of the map either way.
+    pub shown: Shown,
+}
+
+/// What a network is shown of a map.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
+pub enum Shown {
+    /// Which cells are free.
+    #[default]
+    Map,
+    /// Which cells are seen to be free.
+    Observed,
+}
+
+impl Shown {
+    /// Returns the map as it is shown; `None` if nothing is seen to be free.
+    fn of(self, map: &OccupancyMap) -> Option<Cow<'_, OccupancyMap>> {
+        match self {
+            Self::Map => Some(Cow::Borrowed(map)),
+            Self::Observed => {
+                let free = map.observed().map(|observed| *observed == Observed::Free);
+                let shown = OccupancyMap::new(free, *map.frame()).ok()?;
+                Some(Cow::Owned(shown.with_observed(map.observed().clone()).expect("they are of one map")))
+            }
+        }
+    }
 }
 
 impl Default for TileConfig {
     fn default() -> Self {
-        Self { size: 64, stride: 8, min_labeled: 256, besides: Vec::new() }
+        Self { size: 64, stride: 8, min_labeled: 256, besides: Vec::new(), shown: Shown::Map }
     }
 }
 
@@ -60,6 +89,8 @@ pub enum TileError {
     ClassMismatch { map: String, found: u8, classes: u8 },
     #[error("of map `{0}` something else is known than of the maps before it")]
     KnownMismatch(String),
+    #[error("nothing of map `{0}` is seen to be free")]
+    NothingSeen(String),
     #[error("no window has `min_labeled` = {0} labeled cells")]
     NoWindow(u32),
     #[error("the windows of map `{map}` contradict each other at row {row}, column {col}")]
@@ -230,7 +261,8 @@ pub fn cut(maps: &[LabeledMap<'_>], config: &TileConfig) -> Result<Tiles, TileEr
         }
         check_alike(&first.known, labeled)?;
         let index = u32::try_from(index).expect("fewer than 2³² maps");
-        cut_map(&mut tiles, index, labeled, config);
+        let shown = config.shown.of(labeled.map).ok_or_else(|| TileError::NothingSeen(labeled.name.to_owned()))?;
+        cut_map(&mut tiles, index, (labeled, &shown), config);
     }
     if tiles.is_empty() { Err(TileError::NoWindow(config.min_labeled)) } else { Ok(tiles) }
 }
@@ -251,12 +283,11 @@ fn check_alike(first: &Known<'_>, labeled: &LabeledMap<'_>) -> Result<(), TileEr
     }
 }
 
-fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &TileConfig) {
+fn cut_map(tiles: &mut Tiles, index: u32, (labeled, shown): (&LabeledMap<'_>, &OccupancyMap), config: &TileConfig) {
     let free = labeled.map.free();
     let free_cells = Sums::new(free, |free| *free);
     let labeled_cells = Sums::new(&labeled.known.labeled(), |labeled| *labeled);
-    let besides: BTreeMap<Plane, Grid<u8>> =
-        tiles.besides.keys().map(|plane| (*plane, plane.of(labeled.map))).collect();
+    let besides: BTreeMap<Plane, Grid<u8>> = tiles.besides.keys().map(|plane| (*plane, plane.of(shown))).collect();
     let (size, stride) = (i64::from(config.size), i64::from(config.stride));
     // The first multiple of the stride at which a window still reaches the map.
     let first = -((size - 1) / stride * stride);
@@ -269,7 +300,7 @@ fn cut_map(tiles: &mut Tiles, index: u32, labeled: &LabeledMap<'_>, config: &Til
             }
             tiles.origin.push((index, top as i32, left as i32));
             tiles.labeled_share.push(count as f32 / (size * size) as f32);
-            push_window(&mut tiles.occupancy, free, top, left, size, 0, |free| u8::from(*free));
+            push_window(&mut tiles.occupancy, shown.free(), top, left, size, 0, |free| u8::from(*free));
             for (plane, codes) in &mut tiles.besides {
                 push_window(codes, &besides[plane], top, left, size, 0, |code| *code);
             }
@@ -343,7 +374,6 @@ impl Sums {
 mod tests {
     use super::*;
     use crate::domain::geometry::Frame;
-    use crate::domain::map::Observed;
     use crate::domain::quantize::{ClassCounts, Labels};
     use crate::domain::random::Stream;
     use crate::domain::raster::DIRECTIONS;
@@ -441,7 +471,7 @@ mod tests {
         let map = map.with_observed(unknown).expect("of one size");
         let maps = [LabeledMap { name: "a", map: &map, known: Known::Classes(&labels) }];
         let besides = vec![Plane::Ways, Plane::Paths, Plane::Unknown];
-        let config = TileConfig { size: 8, stride: 8, min_labeled: 1, besides };
+        let config = TileConfig { size: 8, stride: 8, min_labeled: 1, besides, ..TileConfig::default() };
         let tiles = cut(&maps, &config).expect("windows");
         assert_eq!(tiles.besides.keys().copied().collect::<Vec<_>>(), Plane::ALL);
         let at = |plane: Plane| {
@@ -452,6 +482,28 @@ mod tests {
         let twice = TileConfig { besides: vec![Plane::Paths; 2], ..config };
         let error = twice.check().expect_err("twice").to_string();
         assert_eq!(error, "of `besides` `paths` occurs twice, allowed is each plane once");
+    }
+
+    /// Of a row of free cells one is seen as occupied and one not at all: both are to be learned, neither is shown as free.
+    #[test]
+    fn what_is_observed_can_be_shown_instead() {
+        let map = OccupancyMap::new(Grid::filled(1, 4, true), Frame::at_zero(0.1, 1, 4)).expect("free cells");
+        let seen = Grid::from_vec(1, 4, vec![Observed::Free, Observed::Occupied, Observed::Unknown, Observed::Free]);
+        let map = map.with_observed(seen).expect("of one size");
+        let visits = Grid::from_vec(1, 4, vec![1, 2, 3, 4]);
+        let ranks = Ranks::of(&map, &visits, None, None, None);
+        let maps = |map| [LabeledMap { name: "a", map, known: Known::Ranks(&ranks) }];
+        let config =
+            TileConfig { size: 8, stride: 8, min_labeled: 1, besides: vec![Plane::Unknown], shown: Shown::Observed };
+        let tiles = cut(&maps(&map), &config).expect("a window");
+        assert_eq!(tiles.occupancy[..5], [1, 0, 0, 1, 0]);
+        assert_eq!(tiles.besides[&Plane::Unknown][..5], [0, 0, 1, 0, 0]);
+        let Target::Ranks { rank, .. } = &tiles.target else { panic!("ranks") };
+        assert_eq!(rank[..5], [0.0, 0.25, 0.5, 0.75, NO_RANK]);
+        let plain = cut(&maps(&map), &TileConfig { shown: Shown::Map, ..config.clone() }).expect("a window");
+        assert_eq!(plain.occupancy[..5], [1, 1, 1, 1, 0]);
+        let dark = map.clone().with_observed(Grid::filled(1, 4, Observed::Unknown)).expect("of one size");
+        assert_eq!(cut(&maps(&dark), &config), Err(TileError::NothingSeen("a".to_owned())));
     }
 
     #[test]

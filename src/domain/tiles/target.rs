@@ -6,13 +6,14 @@ use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE};
 use crate::domain::rank::{relative_to_mean, share_below};
 use crate::domain::raster::{DIRECTIONS, Flow, shares};
 
-/// The rank of a blocked cell: none.
+/// The rank of a cell that is blocked, or of which nothing is known: none.
 pub const NO_RANK: f32 = -1.0;
 
 /// How much the free cells of a map are visited, as numbers that compare between maps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ranks {
-    /// Share of the map's free cells that are visited less, 0 to 1; [`NO_RANK`] on blocked cells.
+    /// Share of the map's free cells that are visited less, 0 to 1; [`NO_RANK`] on blocked cells and on those of which
+    /// nothing is known.
     pub rank: Grid<f32>,
     /// Expected number of people relative to the mean of the free cells, if it is known; 0 on blocked cells.
     pub density: Option<Grid<f32>>,
@@ -22,15 +23,22 @@ pub struct Ranks {
 
 impl Ranks {
     /// Ranks the free cells of a map by their visits; densities come of `dwell`, the time steps that people spent in them,
-    /// and directions of the passages in `flow`.
+    /// and directions of the passages in `flow`. Where only some cells are watched, nothing is known of the others, and ranks
+    /// and densities are among those that are.
     ///
     /// Cells that nobody visited have rank 0. Where nobody spent any time, all densities are 0.
     ///
     /// # Panics
     /// If the counts are not of the map's size.
     #[must_use]
-    pub fn of(map: &OccupancyMap, visits: &Grid<u32>, dwell: Option<&Grid<u32>>, flow: Option<&Flow>) -> Self {
-        let free = map.free();
+    pub fn of(
+        map: &OccupancyMap,
+        visits: &Grid<u32>,
+        dwell: Option<&Grid<u32>>,
+        flow: Option<&Flow>,
+        watched: Option<&Grid<bool>>,
+    ) -> Self {
+        let free = &watched.map_or_else(|| map.free().clone(), |watched| map.both_free_and(watched));
         let mut rank = share_below(visits, free);
         for (rank, _) in rank.as_mut_slice().iter_mut().zip(free.as_slice()).filter(|(_, free)| !**free) {
             *rank = NO_RANK;
@@ -97,7 +105,8 @@ pub enum Target {
     },
     /// Ranks.
     Ranks {
-        /// Share of their map's free cells that are visited less, 0 to 1; [`NO_RANK`] for blocked cells.
+        /// Share of their map's free cells that are visited less, 0 to 1; [`NO_RANK`] for blocked cells and those of which
+        /// nothing is known.
         rank: Vec<f32>,
         /// Expected number of people relative to the mean of the map's free cells; 0 for blocked cells.
         density: Option<Vec<f32>>,
@@ -174,13 +183,21 @@ mod tests {
         let free = Grid::from_vec(1, 5, vec![true, false, true, true, true]);
         let map = OccupancyMap::new(free, Frame::at_zero(0.1, 1, 5)).expect("free cells");
         let row = |counts: &[u32]| Grid::from_vec(1, 5, counts.to_vec());
-        let ranks = Ranks::of(&map, &row(&[1, 9, 3, 1, 0]), Some(&row(&[2, 9, 4, 2, 0])), None);
+        let (visits, dwell) = (row(&[1, 9, 3, 1, 0]), row(&[2, 9, 4, 2, 0]));
+        let ranks = Ranks::of(&map, &visits, Some(&dwell), None, None);
         assert_eq!(ranks.rank.as_slice(), [0.25, NO_RANK, 0.75, 0.25, 0.0]);
         assert_eq!(ranks.density.expect("time steps").as_slice(), [1.0, 0.0, 2.0, 1.0, 0.0]);
         assert_eq!(ranks.flow, None);
-        let nobody = Ranks::of(&map, &row(&[0; 5]), Some(&row(&[0; 5])), None);
+        let nobody = Ranks::of(&map, &row(&[0; 5]), Some(&row(&[0; 5])), None, None);
         assert_eq!(nobody.rank.as_slice(), [0.0, NO_RANK, 0.0, 0.0, 0.0]);
         assert_eq!(nobody.density.expect("no time steps").as_slice(), [0.0; 5]);
+        // Nobody looks at the last two cells, of which there is nothing to learn, nor are the others among them: 2 and 4
+        // steps, with the mean 3.
+        let watched = Grid::from_vec(1, 5, vec![true, true, true, false, false]);
+        let some = Ranks::of(&map, &visits, Some(&dwell), None, Some(&watched));
+        assert_eq!(some.rank.as_slice(), [0.0, NO_RANK, 0.5, NO_RANK, NO_RANK]);
+        let density = some.density.expect("time steps");
+        assert_eq!(density.as_slice(), [2.0 / 3.0, 0.0, 4.0 / 3.0, 0.0, 0.0]);
     }
 
     /// Four people pass the first cell, three of them to the right, one to the left; nobody passes the last.
@@ -191,7 +208,7 @@ mod tests {
         flow[0] = Grid::from_vec(1, 3, vec![3, 5, 0]);
         flow[4] = Grid::from_vec(1, 3, vec![1, 0, 0]);
         let visits = Grid::from_vec(1, 3, vec![4, 5, 0]);
-        let ranks = Ranks::of(&map.expect("free cells"), &visits, None, Some(&flow));
+        let ranks = Ranks::of(&map.expect("free cells"), &visits, None, Some(&flow), None);
         let codes = ranks.flow.expect("it was given");
         // 3/4 and 1/4 of 255 are 191.25 and 63.75.
         assert_eq!((codes[0].as_slice(), codes[4].as_slice()), (&[191, 0, 0][..], &[64, 0, 0][..]));
