@@ -5,14 +5,15 @@ use std::process::ExitCode;
 
 use super::error::CliError;
 use super::screen::Screen;
-use super::{model_files, paths};
+use super::{export_nav2, model_files, paths};
 use crate::store::write_whole;
 
 /// Arguments of `export`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   trodden export model artifacts/latest/model/model --out my_model
-  trodden annotate my_map.yaml --model my_model --out annotated")]
+  trodden annotate my_map.yaml --model my_model --out annotated
+  trodden export nav2 annotated/heat.parquet --map my_map.yaml --out masks")]
 pub struct Args {
     #[command(subcommand)]
     what: What,
@@ -28,24 +29,34 @@ enum What {
         #[arg(long, short)]
         out: PathBuf,
     },
+    /// Write a heat as masks for the costmap filters of Nav2: keepout, speed and zones, with the parameters to paste.
+    Nav2(export_nav2::Args),
 }
 
 impl Args {
     pub(super) fn run(&self, screen: &Screen) -> Result<ExitCode, CliError> {
-        let What::Model { checkpoint, out } = &self.what;
-        let files = model_files::read(checkpoint)?.to_half_files()?;
-        std::fs::create_dir_all(out).map_err(|source| failed(out, source))?;
-        for (name, bytes) in files {
-            let path = out.join(name);
-            if paths::same_file(&checkpoint.join(name), &path) {
-                let what = format!("`{}` would overwrite its source", path.display());
-                return Err(CliError::advised(what, "choose another folder with `--out`"));
-            }
-            write_whole(&path, &bytes).map_err(|source| failed(&path, source))?;
-            screen.line(path.display().to_string())?;
+        match &self.what {
+            What::Model { checkpoint, out } => model(checkpoint, out, screen)?,
+            What::Nav2(arguments) => arguments.run(screen)?,
         }
         Ok(ExitCode::SUCCESS)
     }
+}
+
+/// Writes a network by itself.
+fn model(checkpoint: &Path, out: &Path, screen: &Screen) -> Result<(), CliError> {
+    let files = model_files::read(checkpoint)?.to_half_files()?;
+    std::fs::create_dir_all(out).map_err(|source| failed(out, source))?;
+    for (name, bytes) in files {
+        let path = out.join(name);
+        if paths::same_file(&checkpoint.join(name), &path) {
+            let what = format!("`{}` would overwrite its source", path.display());
+            return Err(CliError::advised(what, "choose another folder with `--out`"));
+        }
+        write_whole(&path, &bytes).map_err(|source| failed(&path, source))?;
+        screen.line(path.display().to_string())?;
+    }
+    Ok(())
 }
 
 fn failed(path: &Path, source: std::io::Error) -> CliError {

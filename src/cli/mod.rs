@@ -10,6 +10,7 @@ mod crowd_args;
 mod diff;
 mod error;
 mod export;
+mod export_nav2;
 mod gc;
 mod import_args;
 mod init;

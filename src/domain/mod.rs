@@ -8,6 +8,7 @@ pub mod hidden;
 pub mod homes;
 pub mod links;
 pub mod map;
+pub mod masks;
 pub mod orca;
 pub mod planes;
 pub mod quantize;

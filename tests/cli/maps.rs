@@ -397,3 +397,74 @@ fn recorded_people_are_counted() {
     ];
     check("tracks-refused", &said.join("\n"));
 }
+
+/// A mask as `map_server` of Nav2 reads it in raw mode: from the last row of the image, values up to 100 as they are, all
+/// others unknown.
+fn raw_mask(folder: &std::path::Path, name: &str) -> (usize, usize, Vec<Option<u8>>, String) {
+    let yaml = std::fs::read_to_string(folder.join(format!("{name}_mask.yaml"))).expect("reads");
+    assert!(yaml.contains("mode: raw\n") && yaml.contains(&format!("image: {name}_mask.pgm\n")), "{yaml}");
+    let bytes = std::fs::read(folder.join(format!("{name}_mask.pgm"))).expect("reads");
+    let header: Vec<&[u8]> = bytes.splitn(4, |byte| byte.is_ascii_whitespace()).collect();
+    let number = |part: &[u8]| std::str::from_utf8(part).expect("digits").parse::<usize>().expect("a number");
+    let (width, height) = (number(header[1]), number(header[2]));
+    let pixels = header[3].strip_prefix(b"255\n").expect("one byte a pixel");
+    assert_eq!((header[0], pixels.len()), (&b"P5"[..], width * height));
+    let cells = pixels.chunks(width).rev().flatten().map(|value| (*value <= 100).then_some(*value)).collect();
+    (width, height, cells, yaml)
+}
+
+#[test]
+fn nav2_gets_masks_on_the_grid_of_its_map() {
+    // A room of 38 × 38 pixels of 0.05 m in an image of 60 × 50 with black around it: finer and larger than the heat.
+    let place = Place::empty();
+    let mut image = b"P5\n60 50\n255\n".to_vec();
+    image
+        .extend((0..50 * 60).map(|i| if (6..44).contains(&(i / 60)) && (5..43).contains(&(i % 60)) { 254 } else { 0 }));
+    place.write("room/map.pgm", image);
+    place.write(
+        "room/map.yaml",
+        "image: map.pgm\nresolution: 0.05\norigin: [-1.5, 2.25, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n",
+    );
+    place.out(&["annotate", "room/map.yaml", "--out", "told"]);
+    let said =
+        place.out(&["export", "nav2", "told/heat.parquet", "--map", "room/map.yaml", "--out", "masks", "--zones", "4"]);
+    assert_eq!(said.lines().count(), 8, "{said}");
+    let masks = place.path("masks");
+    let room = |i: usize| (5..43).contains(&(i % 60)) && (6..44).contains(&(49 - i / 60));
+    for (name, most) in [("keepout", 99), ("speed", 100), ("zones", 4)] {
+        let (width, height, cells, yaml) = raw_mask(&masks, name);
+        assert_eq!((width, height), (60, 50));
+        assert!(yaml.contains("resolution: 0.05\norigin: [-1.5, 2.25, 0.0]\n"), "{yaml}");
+        let said: Vec<u8> = cells.iter().enumerate().filter(|(i, _)| room(*i)).map(|(_, v)| v.expect("free")).collect();
+        assert!(said.iter().all(|value| *value <= most), "{name}");
+        let (least, greatest) = (said.iter().min().expect("cells"), said.iter().max().expect("cells"));
+        assert!(greatest - least > most / 2, "{name}: {least} to {greatest}");
+        let silent = if name == "keepout" { None } else { Some(0) };
+        assert!((0..60 * 50).filter(|i| !room(*i)).all(|i| cells[i] == silent), "{name}");
+    }
+    // Our own reader takes the mask for a map: what costs at most a quarter is free there.
+    let wide = ["annotate", "masks/keepout_mask.yaml", "--region", "all", "--out", "again"];
+    place.out(&wide);
+    let parameters = std::fs::read_to_string(masks.join("nav2_params.yaml")).expect("reads");
+    for line in ["base: 100.0\n    multiplier: -0.6", "states: [busy_1, busy_2, busy_3, busy_4]", "value: 0.200"] {
+        assert!(parameters.contains(line), "{line}: {parameters}");
+    }
+}
+
+#[test]
+fn masks_of_another_map_are_refused() {
+    let place = Place::empty();
+    place.write("ward/map.pgm", room(40));
+    place.write("ward/map.yaml", ros("map.pgm", "", ""));
+    place.write("far/map.pgm", room(40));
+    place.write("far/map.yaml", ros("map.pgm", "origin: [0,", "origin: [5000,"));
+    place.out(&["annotate", "ward/map.yaml", "--out", "told"]);
+    let export = |heat: &str, map: &str| place.refused(2, &["export", "nav2", heat, "--map", map, "--out", "masks"]);
+    let far = export("told/heat.parquet", "far/map.yaml");
+    assert!(far.contains("no free cell of `far/map.yaml`") && far.contains("told/heat.parquet"), "{far}");
+    let none = export("told/heat.png", "ward/map.yaml");
+    assert!(none.contains("Heat"), "{none}");
+    let missing = export("told/heat.parquet", "nowhere.yaml");
+    assert!(missing.contains("nowhere.yaml"), "{missing}");
+    assert!(!place.path("masks").exists());
+}

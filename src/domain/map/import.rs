@@ -45,14 +45,29 @@ pub fn igibson_floor(name: &str) -> Option<u32> {
 pub fn import_ros(yaml: &MapYaml, image: &[u8], config: &ImportConfig) -> Result<Imported, MapImportError> {
     config.check()?;
     let yaml = yaml.overridden(config)?;
+    let (pixels, frame, picture) = pixels_of_ros(&yaml, image)?;
+    finish(&pixels, yaml.resolution, MapForm::Ros, config, |_| frame).map_err(|error| explained(error, &picture))
+}
+
+/// Reads which pixels of a map of ROS `map_server` are free, on the grid of the image itself.
+///
+/// # Errors
+/// [`MapImportError`] if the image is damaged or too large.
+pub fn free_pixels(yaml: &MapYaml, image: &[u8]) -> Result<(Grid<bool>, Frame), MapImportError> {
+    let (pixels, frame, _) = pixels_of_ros(yaml, image)?;
+    Ok((pixels.map(|pixel| *pixel == Pixel::Free), frame))
+}
+
+/// Reads what the pixels of a map of ROS show, and where they lie.
+fn pixels_of_ros(yaml: &MapYaml, image: &[u8]) -> Result<(Grid<Pixel>, Frame, Picture), MapImportError> {
     let mut picture = Picture::decode(image)?;
     if !yaml.negate {
         picture.settle_unknown();
     }
     let pixels = picture.classify(|shade| yaml.pixel(shade));
     let origin = Point::new(yaml.origin[0], yaml.origin[1]);
-    let frame = |frame| Frame { origin, yaw: yaml.origin[2], ..frame };
-    finish(&pixels, yaml.resolution, MapForm::Ros, config, frame).map_err(|error| explained(error, &picture))
+    let frame = Frame { origin, yaw: yaml.origin[2], ..Frame::at_zero(yaml.resolution, pixels.rows(), pixels.cols()) };
+    Ok((pixels, frame, picture))
 }
 
 /// Reads a plain image: bright is free, dark is occupied, transparent is unknown.

@@ -24,7 +24,7 @@ pub use distance::squared_distances;
 pub use error::{MapImportError, Position};
 pub use form::MapForm;
 pub use import::{
-    IGIBSON_RESOLUTION, Imported, igibson_floor, igibson_image, import_igibson, import_image, import_ros,
+    IGIBSON_RESOLUTION, Imported, free_pixels, igibson_floor, igibson_image, import_igibson, import_image, import_ros,
 };
 pub use indoors::Survey;
 pub use observed::Observed;
