@@ -1,16 +1,19 @@
 //! Steps of training and batches of prediction, with each instruction set, on one thread and on two.
 //!
-//! `cargo bench --bench unet` measures with criterion. `cargo bench --bench unet -- --peer train 5` trains (or, with `infer`,
-//! predicts) for about so many seconds and prints one line of JSON: what `benches/peers/unet_vs_pytorch.sh` compares.
+//! `cargo bench --bench unet` measures with criterion. `cargo bench --bench unet -- --peer train 5 paper` trains (or, with
+//! `infer`, predicts) for about so many seconds and prints one line of JSON: what `benches/peers/unet_vs_peers.sh` compares.
+//! `shipped` in the place of `paper` is the network that trodden brings: one plane more, ranks, densities and directions.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use criterion::{Criterion, Throughput};
+use trodden::domain::planes::Plane;
 use trodden::domain::random::Stream;
 use trodden::domain::tiles::{Target, Tiles};
 use trodden::domain::unet::{Architecture, Compute, DeviceName, Network, Outputs, Simd, TrainConfig, Trainer};
+use trodden::stages::compute::SIMD_VARIABLE;
 
 #[global_allocator]
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
@@ -20,37 +23,63 @@ const SIZE: usize = 64;
 const BATCH: usize = 32;
 const CLASSES: usize = 3;
 
+/// Which network is measured.
+#[derive(Clone, Copy, PartialEq)]
+enum Measured {
+    Paper,
+    Shipped,
+}
+
 /// Draws noise: what the network computes does not take longer for real maps.
-fn tiles(windows: usize) -> Tiles {
+fn tiles(windows: usize, measured: Measured) -> Tiles {
     let mut stream = Stream::new(1, &[0; 32], 0, "bench/unet");
     let cells = windows * SIZE * SIZE;
     let occupancy = (0..cells).map(|_| u8::from(stream.unit() > 0.5)).collect();
-    let labels = (0..cells).map(|_| stream.below(CLASSES + 2) as i8 - 1).collect();
+    let mut codes = |count: usize| (0..count).map(|_| stream.below(256) as u8).collect::<Vec<u8>>();
+    let (besides, target) = match measured {
+        Measured::Paper => {
+            let labels = codes(cells).into_iter().map(|code| (usize::from(code) % (CLASSES + 2)) as i8 - 1).collect();
+            (BTreeMap::new(), Target::Classes { classes: CLASSES as u8, labels })
+        }
+        Measured::Shipped => {
+            let rank: Vec<f32> = codes(cells).into_iter().map(|code| (f32::from(code) - 64.0) / 192.0).collect();
+            let density = Some(rank.iter().map(|rank| 3.0 * rank.max(0.0)).collect());
+            let ranks = Target::Ranks { rank, density, flow: Some(codes(8 * cells)) };
+            (BTreeMap::from([(Plane::Ways, codes(cells))]), ranks)
+        }
+    };
     Tiles {
         size: SIZE,
         maps: vec!["noise".to_owned()],
         origin: vec![(0, 0, 0); windows],
         occupancy,
-        besides: BTreeMap::new(),
-        target: Target::Classes { classes: CLASSES as u8, labels },
+        besides,
+        target,
         labeled_share: vec![0.5; windows],
     }
 }
 
 fn trainer<'a>(tiles: &'a Tiles, compute: &Compute) -> Trainer<'a> {
-    let weights = [0.006, 0.033, 0.194, 0.767];
-    Trainer::new(tiles, &weights, &TrainConfig::default(), compute, 1).expect("in range")
+    let weights: &[f64] = if tiles.besides.is_empty() { &[0.006, 0.033, 0.194, 0.767] } else { &[] };
+    Trainer::new(tiles, weights, &TrainConfig::default(), compute, 1).expect("in range")
 }
 
 fn network(tiles: &Tiles, compute: &Compute) -> Network {
-    let outputs = Outputs::Classes(CLASSES as u8);
-    Network::new(&Architecture::paper(), &[], outputs, &trainer(tiles, compute).state().model, compute)
+    let (planes, outputs) = (tiles.planes(), Outputs::of(&tiles.target));
+    Network::new(&Architecture::paper(), &planes, outputs, &trainer(tiles, compute).state().model, compute)
         .expect("complete")
 }
 
+/// Returns the planes of so many windows as a network is shown them.
+fn images(tiles: &Tiles, windows: usize) -> Vec<u8> {
+    let planes = || std::iter::once(&tiles.occupancy).chain(tiles.besides.values());
+    let window = |window: usize| planes().flat_map(move |codes| &codes[window * SIZE * SIZE..][..SIZE * SIZE]).copied();
+    (0..windows).flat_map(|number| window(number % tiles.len())).collect()
+}
+
 fn benches(criterion: &mut Criterion) {
-    let batch = tiles(BATCH / 8);
-    let windows = tiles(BATCH).occupancy;
+    let batch = tiles(BATCH / 8, Measured::Paper);
+    let windows = tiles(BATCH, Measured::Paper).occupancy;
     let mut group = criterion.benchmark_group("unet");
     group.throughput(Throughput::Elements(BATCH as u64)).sample_size(10).measurement_time(Duration::from_secs(8));
     for simd in Simd::ALL.into_iter().filter(|simd| simd.is_available()) {
@@ -71,11 +100,11 @@ fn benches(criterion: &mut Criterion) {
 }
 
 /// Trains or predicts batch after batch for some seconds; returns the time of each but the first three.
-fn peer(mode: &str, seconds: f64) -> Vec<f64> {
-    let compute = Compute::new(DeviceName::Flex, None).expect("everywhere");
+fn peer(mode: &str, seconds: f64, measured: Measured) -> Vec<f64> {
+    let simd = std::env::var(SIMD_VARIABLE).ok().map(|name| name.parse().expect("an instruction set"));
+    let compute = Compute::new(DeviceName::Flex, simd).expect("this processor has it");
     // Five batches an epoch, so that the next one is assembled while one is learned from.
-    let tiles = tiles(5 * BATCH / 8);
-    let windows = &tiles.occupancy[..5 * BATCH / 8 * SIZE * SIZE];
+    let tiles = tiles(5 * BATCH / 8, measured);
     let (start, mut last, mut times) = (Instant::now(), Instant::now(), Vec::new());
     let mut lap = || {
         times.push(last.elapsed().as_secs_f64());
@@ -90,8 +119,8 @@ fn peer(mode: &str, seconds: f64) -> Vec<f64> {
         let mut trainer = trainer(&tiles, &compute);
         while trainer.epoch(&mut |_| lap()).is_ok() {}
     } else {
-        let images: Vec<u8> = windows.iter().copied().cycle().take(BATCH * SIZE * SIZE).collect();
-        let (network, mut out) = (network(&tiles, &compute), vec![0.0; images.len() * (CLASSES + 1)]);
+        let (images, network) = (images(&tiles, BATCH), network(&tiles, &compute));
+        let mut out = vec![0.0; BATCH * SIZE * SIZE * network.outputs().count()];
         while lap().is_continue() {
             network.predict(&images, SIZE, SIZE, BATCH, &mut out);
         }
@@ -108,8 +137,9 @@ fn peak_megabytes() -> f64 {
 
 fn main() {
     let arguments: Vec<String> = std::env::args().skip_while(|argument| argument != "--peer").collect();
-    if let [_, mode, seconds, ..] = arguments.as_slice() {
-        let mut times = peer(mode, seconds.parse().expect("a number of seconds"));
+    if let [_, mode, seconds, rest @ ..] = arguments.as_slice() {
+        let measured = if rest.iter().any(|name| name == "shipped") { Measured::Shipped } else { Measured::Paper };
+        let mut times = peer(mode, seconds.parse().expect("a number of seconds"), measured);
         times.sort_by(f64::total_cmp);
         let rate = BATCH as f64 / times[times.len() / 2];
         println!(r#"{{"mode": "{mode}", "samples_per_s": {rate:.1}, "peak_mb": {:.0}}}"#, peak_megabytes());

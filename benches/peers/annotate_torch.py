@@ -23,7 +23,7 @@ BATCH, SIZE = 32, 64
 
 weights = load_file(model / "model.safetensors")
 classes = weights["head.weight"].shape[0] - 1
-network = UNet(classes + 1)
+network = UNet(1, classes + 1)
 network.load_state_dict(weights)
 network = network.to(memory_format=torch.channels_last)
 

@@ -1,17 +1,20 @@
-"""The network of src/domain/unet in PyTorch, under the names of a checkpoint's arrays."""
+"""The network of src/domain/unet in PyTorch, under the names of a checkpoint's arrays, and what is made of its logits."""
 
 import torch
 from torch import nn
 from torch.nn import functional as F
 
+# Planes that are shown and numbers that are said: three classes and the obstacle; rank, density and eight directions.
+NETWORKS = {"paper": (1, 4), "shipped": (2, 10)}
+
 
 class UNet(nn.Module):
-    def __init__(self, classes):
+    def __init__(self, planes, outputs):
         super().__init__()
         conv = lambda inputs, outputs: nn.Conv2d(inputs, outputs, 3, padding=1)
-        self.encoder1, self.encoder2, self.encoder3 = conv(1, 32), conv(32, 64), conv(64, 128)
+        self.encoder1, self.encoder2, self.encoder3 = conv(planes, 32), conv(32, 64), conv(64, 128)
         self.bottleneck, self.decoder3, self.decoder2 = conv(128, 128), conv(256, 64), conv(128, 32)
-        self.head = nn.Conv2d(64, classes, 1)
+        self.head = nn.Conv2d(64, outputs, 1)
 
     def forward(self, x):
         double = lambda x: F.interpolate(x, scale_factor=2, mode="nearest")
@@ -22,3 +25,18 @@ class UNet(nn.Module):
         up3 = F.relu(self.decoder3(torch.cat([double(bottom), level3], 1)))
         up2 = F.relu(self.decoder2(torch.cat([double(up3), level2], 1)))
         return self.head(torch.cat([double(up2), level1], 1))
+
+
+class Said(nn.Module):
+    """Probabilities of classes, or rank, density and shares of directions."""
+
+    def __init__(self, network, name):
+        super().__init__()
+        self.network, self.name = network, name
+
+    def forward(self, x):
+        logits = self.network(x)
+        if self.name == "paper":
+            return F.softmax(logits, 1)
+        rank, density, flow = logits[:, :1], logits[:, 1:2], logits[:, 2:]
+        return torch.cat([torch.sigmoid(rank), torch.exp(density.clamp(-12, 12)), F.softmax(flow, 1)], 1)
