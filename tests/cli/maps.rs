@@ -415,11 +415,11 @@ fn raw_mask(folder: &std::path::Path, name: &str) -> (usize, usize, Vec<Option<u
 
 #[test]
 fn nav2_gets_masks_on_the_grid_of_its_map() {
-    // A room of 38 × 38 pixels of 0.05 m in an image of 60 × 50 with black around it: finer and larger than the heat.
+    // A room of 36 × 38 pixels of 0.05 m in an image of 60 × 50 with black around it: finer and larger than the heat.
     let place = Place::empty();
     let mut image = b"P5\n60 50\n255\n".to_vec();
     image
-        .extend((0..50 * 60).map(|i| if (6..44).contains(&(i / 60)) && (5..43).contains(&(i % 60)) { 254 } else { 0 }));
+        .extend((0..50 * 60).map(|i| if (6..44).contains(&(i / 60)) && (6..42).contains(&(i % 60)) { 254 } else { 0 }));
     place.write("room/map.pgm", image);
     place.write(
         "room/map.yaml",
@@ -430,7 +430,7 @@ fn nav2_gets_masks_on_the_grid_of_its_map() {
         place.out(&["export", "nav2", "told/heat.parquet", "--map", "room/map.yaml", "--out", "masks", "--zones", "4"]);
     assert_eq!(said.lines().count(), 8, "{said}");
     let masks = place.path("masks");
-    let room = |i: usize| (5..43).contains(&(i % 60)) && (6..44).contains(&(49 - i / 60));
+    let room = |i: usize| (6..42).contains(&(i % 60)) && (6..44).contains(&(49 - i / 60));
     for (name, most) in [("keepout", 99), ("speed", 100), ("zones", 4)] {
         let (width, height, cells, yaml) = raw_mask(&masks, name);
         assert_eq!((width, height), (60, 50));
@@ -442,9 +442,12 @@ fn nav2_gets_masks_on_the_grid_of_its_map() {
         let silent = if name == "keepout" { None } else { Some(0) };
         assert!((0..60 * 50).filter(|i| !room(*i)).all(|i| cells[i] == silent), "{name}");
     }
-    // Our own reader takes the mask for a map: what costs at most a quarter is free there.
-    let wide = ["annotate", "masks/keepout_mask.yaml", "--region", "all", "--out", "again"];
+    // Our own reader takes the mask for a map on which all that can be crossed is free, and finds the same room.
+    let crossed = ["--free-thresh", "0.99", "--occupied-thresh", "1"];
+    let wide = [&["annotate", "masks/keepout_mask.yaml", "--out", "again"], &crossed[..]].concat();
     place.out(&wide);
+    let heat = |folder: &str| std::fs::read(place.path(folder).join("heat.parquet")).expect("reads");
+    assert!(heat("again") == heat("told"), "the same room is told the same");
     let parameters = std::fs::read_to_string(masks.join("nav2_params.yaml")).expect("reads");
     for line in ["base: 100.0\n    multiplier: -0.6", "states: [busy_1, busy_2, busy_3, busy_4]", "value: 0.200"] {
         assert!(parameters.contains(line), "{line}: {parameters}");
