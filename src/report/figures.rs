@@ -12,7 +12,7 @@ pub const fn measure_name(measure: Measure) -> &'static str {
         Measure::Divergence => "divergence",
         Measure::EarthMover => "earth mover’s distance",
         Measure::DoorsR2 => "R² at doors",
-        Measure::Flow => "likelihood of directions, of a guess’s",
+        Measure::Flow => "likelihood of directions (a guess: 1)",
     }
 }
 
@@ -21,7 +21,7 @@ pub fn measured(measure: Measure, estimate: Option<Estimate>) -> String {
     match measure {
         Measure::Divergence => with_interval(estimate, |value| with_unit(value, "nats")),
         Measure::EarthMover => with_interval(estimate, |value| with_unit(value, "m")),
-        Measure::Flow => with_interval(estimate, |value| with_unit(value, "times")),
+        Measure::Flow => with_interval(estimate, |value| with_unit(value, "×")),
         _ => with_interval(estimate, figure),
     }
 }

@@ -11,7 +11,7 @@ use super::{compute, kind, read, write};
 use crate::domain::annotate::{
     AnnotateConfig, AnnotateError, AnnotateFields, Annotation, annotate, quantize, thresholds,
 };
-use crate::domain::map::OccupancyMap;
+use crate::domain::map::{MapError, OccupancyMap};
 use crate::domain::unet::{Compute, Network};
 use crate::kinds::{Checkpoint, CheckpointConfig, Heat, Model, Placed, outline};
 use crate::pipeline::stage::{
@@ -84,7 +84,10 @@ impl Stage for Annotate {
             (context.progress)(done as u64, all as u64);
             if (context.cancelled)() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         };
-        let heat = heat(&map, &checkpoint.into(), &self.0, &compute, &mut progress)?;
+        let shown = self.0.shown.of(&map).ok_or_else(|| {
+            StageError::failed(MapError::NoFreeSpace).with_help("nothing of it is seen to be free: leave `shown` out")
+        })?;
+        let heat = heat(&shown, &checkpoint.into(), &self.0, &compute, &mut progress)?;
         write(context, &Placed::new(*map.frame(), heat))
     }
 }

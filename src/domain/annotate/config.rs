@@ -3,6 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::domain::map::Shown;
 use crate::domain::unet::DeviceName;
 
 /// Parameters of annotation; each may be left out.
@@ -29,6 +30,10 @@ pub struct AnnotateFields {
     pub augment: Option<bool>,
     /// What the heat is divided by at the end.
     pub normalize: Normalize,
+    /// What the network is shown of the map: the `map` itself, or what is `observed` of it, and then only cells that are seen
+    /// to be free are told of.
+    #[serde(skip_serializing_if = "Shown::is_map")]
+    pub shown: Shown,
     /// What computes.
     pub device: DeviceName,
 }
@@ -91,13 +96,13 @@ impl TryFrom<AnnotateFields> for AnnotateConfig {
                 })
             }
         };
-        Ok(Self { mode, normalize: fields.normalize, device: fields.device })
+        Ok(Self { mode, normalize: fields.normalize, shown: fields.shown, device: fields.device })
     }
 }
 
 impl From<AnnotateConfig> for AnnotateFields {
     fn from(config: AnnotateConfig) -> Self {
-        let own = Self { normalize: config.normalize, device: config.device, ..Self::default() };
+        let own = Self { normalize: config.normalize, shown: config.shown, device: config.device, ..Self::default() };
         let exact =
             |overlap, stride| Self { mode: Some(ModeName::Exact), overlap: Some(overlap), stride, ..own.clone() };
         match config.mode {
@@ -161,6 +166,8 @@ pub struct AnnotateConfig {
     pub mode: Mode,
     /// What the heat is divided by at the end.
     pub normalize: Normalize,
+    /// What the network is shown of the map.
+    pub shown: Shown,
     /// What computes.
     pub device: DeviceName,
 }

@@ -18,6 +18,7 @@ mod rooms;
 mod ros;
 mod samples;
 mod separation;
+mod shown;
 
 pub use config::{ImportConfig, Region};
 pub use distance::squared_distances;
@@ -35,3 +36,4 @@ pub use resample::{refined, resample};
 pub use rooms::rooms;
 pub use ros::{MapYaml, Mode};
 pub use samples::{MOST_CELLS, MOST_PIXELS};
+pub use shown::Shown;

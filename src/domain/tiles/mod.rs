@@ -3,7 +3,6 @@
 mod target;
 mod transform;
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -11,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::geometry::{Cell, Grid};
-use super::map::{Observed, OccupancyMap};
+use super::map::{OccupancyMap, Shown};
 use super::planes::{self, Plane};
 use super::quantize::OBSTACLE;
 
@@ -38,31 +37,6 @@ pub struct TileConfig {
     /// What a network is shown of a map: the `map` itself, or what is `observed` of it, as a scan with its noise, its gaps
     /// and its unknown space; what is learned is known of the map either way.
     pub shown: Shown,
-}
-
-/// What a network is shown of a map.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "lowercase")]
-pub enum Shown {
-    /// Which cells are free.
-    #[default]
-    Map,
-    /// Which cells are seen to be free.
-    Observed,
-}
-
-impl Shown {
-    /// Returns the map as it is shown; `None` if nothing is seen to be free.
-    fn of(self, map: &OccupancyMap) -> Option<Cow<'_, OccupancyMap>> {
-        match self {
-            Self::Map => Some(Cow::Borrowed(map)),
-            Self::Observed => {
-                let free = map.observed().map(|observed| *observed == Observed::Free);
-                let shown = OccupancyMap::new(free, *map.frame()).ok()?;
-                Some(Cow::Owned(shown.with_observed(map.observed().clone()).expect("they are of one map")))
-            }
-        }
-    }
 }
 
 impl Default for TileConfig {
@@ -374,6 +348,7 @@ impl Sums {
 mod tests {
     use super::*;
     use crate::domain::geometry::Frame;
+    use crate::domain::map::Observed;
     use crate::domain::quantize::{ClassCounts, Labels};
     use crate::domain::random::Stream;
     use crate::domain::raster::DIRECTIONS;
