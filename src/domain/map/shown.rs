@@ -32,9 +32,7 @@ impl Shown {
             }
         }
     }
-}
 
-impl Shown {
     /// Tells whether it is the map itself.
     #[must_use]
     pub fn is_map(&self) -> bool {
