@@ -1,5 +1,9 @@
 """The network of src/domain/unet in PyTorch, under the names of a checkpoint's arrays, and what is made of its logits."""
 
+import json
+import resource
+import time
+
 import torch
 from torch import nn
 from torch.nn import functional as F
@@ -40,3 +44,17 @@ class Said(nn.Module):
             return F.softmax(logits, 1)
         rank, density, flow = logits[:, :1], logits[:, 1:2], logits[:, 2:]
         return torch.cat([torch.sigmoid(rank), torch.exp(density.clamp(-12, 12)), F.softmax(flow, 1)], 1)
+
+
+def report(mode, step, batch, seconds):
+    """Takes steps for some seconds after three to warm up, and prints samples per second and peak memory as JSON."""
+    for _ in range(3):
+        step()
+    times, start = [], time.perf_counter()
+    while len(times) < 6 or time.perf_counter() - start < seconds:
+        before = time.perf_counter()
+        step()
+        times.append(time.perf_counter() - before)
+    rate = batch / sorted(times)[len(times) // 2]
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    print(json.dumps({"mode": mode, "samples_per_s": round(rate, 1), "peak_mb": round(peak)}))

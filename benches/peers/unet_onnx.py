@@ -5,17 +5,14 @@
 Batches of 32 windows of 64 x 64 cells, f32. The model is exported from PyTorch (initializers in it, one shape) beside this run.
 """
 
-import json
 import os
-import resource
 import sys
 import tempfile
-import time
 
 import numpy as np
 import torch
 
-from unet import NETWORKS, Said, UNet
+from unet import NETWORKS, Said, UNet, report
 
 runtime, seconds, threads = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
 name = sys.argv[4] if len(sys.argv) > 4 else "paper"
@@ -47,13 +44,4 @@ with tempfile.TemporaryDirectory() as folder:
     worst = float(np.abs(step() - expected).max())
     assert worst < 1e-4, worst
 
-for _ in range(3):
-    step()
-times, start = [], time.perf_counter()
-while len(times) < 6 or time.perf_counter() - start < seconds:
-    before = time.perf_counter()
-    step()
-    times.append(time.perf_counter() - before)
-rate = BATCH / sorted(times)[len(times) // 2]
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(json.dumps({"mode": "infer", "samples_per_s": round(rate, 1), "peak_mb": round(peak)}))
+report("infer", step, BATCH, seconds)

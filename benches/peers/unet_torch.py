@@ -6,15 +6,12 @@ Batches of 32 windows of 64 x 64 cells, memory format channels_last, Adam; the l
 densities and directions.
 """
 
-import json
-import resource
 import sys
-import time
 
 import torch
 from torch.nn import functional as F
 
-from unet import NETWORKS, Said, UNet
+from unet import NETWORKS, Said, UNet, report
 
 mode, seconds, threads = sys.argv[1], float(sys.argv[2]), int(sys.argv[3])
 name = sys.argv[4] if len(sys.argv) > 4 else "paper"
@@ -58,14 +55,4 @@ def infer():
         return said(shown)
 
 
-step = {"train": train, "infer": infer}[mode]
-for _ in range(3):
-    step()
-times, start = [], time.perf_counter()
-while len(times) < 6 or time.perf_counter() - start < seconds:
-    before = time.perf_counter()
-    step()
-    times.append(time.perf_counter() - before)
-rate = BATCH / sorted(times)[len(times) // 2]
-peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-print(json.dumps({"mode": mode, "samples_per_s": round(rate, 1), "peak_mb": round(peak)}))
+report(mode, {"train": train, "infer": infer}[mode], BATCH, seconds)
