@@ -102,7 +102,7 @@ impl Stage for Tile {
 /// What is to be learned of a map.
 enum Learned {
     Classes(Labels),
-    Ranks(Ranks),
+    Ranks(Box<Ranks>),
 }
 
 impl Learned {
@@ -141,7 +141,7 @@ fn learned(name: &str, map: &OccupancyMap, inputs: &Inputs, context: &Context) -
     };
     let dwell = if inputs.has("dwell") { Some(counts("dwell", "its counts of time steps")?.counts) } else { None };
     let VisitCounts { counts: visits, flow, .. } = counts("visits", "its visits")?;
-    Ok(Learned::Ranks(Ranks::of(map, &visits, dwell.as_ref(), flow.as_ref(), watched.as_ref())))
+    Ok(Learned::Ranks(Box::new(Ranks::of(map, &visits, dwell.as_ref(), flow.as_ref(), watched.as_ref()))))
 }
 
 /// Says what helps.

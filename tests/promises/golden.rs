@@ -167,7 +167,7 @@ impl Bench {
             let cols = map.free().cols();
             let observed = Grid::from_fn(map.free().rows(), cols, |cell| match map.free()[cell] {
                 _ if 2 * cell.col < cols => Observed::Unknown,
-                true if (cell.row * cols + cell.col) % 7 > 0 => Observed::Free,
+                true if !(cell.row * cols + cell.col).is_multiple_of(7) => Observed::Free,
                 _ => Observed::Occupied,
             });
             map.with_observed(observed).expect("of one size")
