@@ -27,7 +27,7 @@ impl Annotate {
     /// What is the same for every use.
     pub const SPEC: StageSpec = StageSpec {
         name: "annotate",
-        version: 3,
+        version: 4,
         ports: &[
             Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to annotate." },
             Port { name: "model", kind: "Checkpoint", arity: Arity::One, doc: "The trained network." },

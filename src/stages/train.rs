@@ -25,7 +25,7 @@ pub struct Train(TrainConfig);
 impl Definition for Train {
     const SPEC: StageSpec = StageSpec {
         name: "train",
-        version: 2,
+        version: 3,
         ports: &[
             Port { name: "tiles", kind: "Tiles", arity: Arity::One, doc: "The windows to learn from." },
             Port {

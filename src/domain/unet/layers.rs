@@ -170,6 +170,15 @@ impl Layers {
         self.layers.last().expect("a network has a head")
     }
 
+    /// Returns whether the kernels cut a layer's map into [tiles](super::ops::winograd) of two by two pixels.
+    ///
+    /// They do for all 3×3 convolutions of feature maps but those at the bottom: an image that is shifted by the network's
+    /// [period](Architecture::period) shifts these by one pixel, and is to be computed as before.
+    pub(super) fn has_tiles(&self, layer: &Layer) -> bool {
+        let deepest = self.layers.iter().map(|layer| layer.depth).max();
+        layer.taps > 1 && layer.input != Input::Cells && Some(layer.depth) < deepest
+    }
+
     /// Returns the number of parameters: 424,932 for the paper's network with three classes and the obstacle.
     #[must_use]
     pub fn parameters(&self) -> usize {

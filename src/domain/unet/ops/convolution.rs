@@ -114,16 +114,22 @@ unsafe fn one_row<V: Lanes, const P: usize, const N: usize>(
 ) {
     // SAFETY: as for this function; a tile begins at most `P` (or one) columns before the last.
     unsafe {
-        if target.cols < P {
-            for col in 0..target.cols {
-                tile::<V, 1, N>(sources, bias, then, target, [row, col], output);
-            }
-            return;
-        }
         let mut col = 0;
         while col < target.cols {
-            tile::<V, P, N>(sources, bias, then, target, [row, col.min(target.cols - P)], output);
-            col += P;
+            match target.cols {
+                few if few >= P => {
+                    tile::<V, P, N>(sources, bias, then, target, [row, col.min(few - P)], output);
+                    col += P;
+                }
+                few if few >= 4 => {
+                    tile::<V, 4, N>(sources, bias, then, target, [row, col.min(few - 4)], output);
+                    col += 4;
+                }
+                _ => {
+                    tile::<V, 1, N>(sources, bias, then, target, [row, col], output);
+                    col += 1;
+                }
+            }
         }
     }
 }

@@ -101,28 +101,6 @@ impl Image {
         Source { data, row: stride, pixel: channels, taps: [3, 3], tap_row: stride, tap_col: channels, channels }
     }
 
-    /// Every second pixel of every second row, those of a `phase`, with their neighbors.
-    pub(super) fn neighbors_of(&self, [a, b]: Phase) -> Source<'_> {
-        let all = self.neighbors();
-        let data = &all.data[a * all.row + b * all.pixel..];
-        Source { data, row: 2 * all.row, pixel: 2 * all.pixel, ..all }
-    }
-
-    /// What the pixels of a `phase` of the doubled image see of this one: two by two pixels.
-    ///
-    /// In the doubled image, row 2r + a and its neighbors above and below come from the rows r − 1 + a and r + a of this one.
-    pub(super) fn doubled(&self, [a, b]: Phase) -> Source<'_> {
-        let all = self.neighbors();
-        Source { data: &all.data[a * all.row + b * all.pixel..], taps: [2, 2], ..all }
-    }
-
-    /// What a pixel of the image that was doubled to this size took part in: four by four pixels, from row 2r − 1 to
-    /// 2r + 2.
-    pub(super) fn undoubled(&self) -> Source<'_> {
-        let all = self.neighbors();
-        Source { row: 2 * all.row, pixel: 2 * all.pixel, taps: [4, 4], ..all }
-    }
-
     /// The pixels inside of the border, to be written.
     pub(super) fn target(&mut self) -> Target<'_> {
         let (row, pixel, first) = (self.stride(), self.channels, self.first());

@@ -24,6 +24,8 @@ pub(super) trait Lanes: Copy {
     unsafe fn times_plus(self, factor: Self, sum: Self) -> Self;
     /// Returns the sum.
     unsafe fn plus(self, other: Self) -> Self;
+    /// Returns the difference.
+    unsafe fn minus(self, other: Self) -> Self;
     /// Returns `self` where it is positive, else 0.
     unsafe fn relu(self) -> Self;
     /// Returns `self` where `gate` is positive, else 0.
@@ -62,6 +64,10 @@ impl Lanes for Portable {
     #[inline(always)]
     unsafe fn plus(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] + other.0[i]))
+    }
+    #[inline(always)]
+    unsafe fn minus(self, other: Self) -> Self {
+        Self(std::array::from_fn(|i| self.0[i] - other.0[i]))
     }
     #[inline(always)]
     unsafe fn relu(self) -> Self {
@@ -116,6 +122,10 @@ mod x86 {
             Self(unsafe { _mm256_add_ps(self.0, other.0) })
         }
         #[inline(always)]
+        unsafe fn minus(self, other: Self) -> Self {
+            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
+        }
+        #[inline(always)]
         unsafe fn relu(self) -> Self {
             Self(unsafe { _mm256_max_ps(self.0, _mm256_setzero_ps()) })
         }
@@ -156,6 +166,10 @@ mod x86 {
         #[inline(always)]
         unsafe fn plus(self, other: Self) -> Self {
             Self(unsafe { _mm512_add_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        unsafe fn minus(self, other: Self) -> Self {
+            Self(unsafe { _mm512_sub_ps(self.0, other.0) })
         }
         #[inline(always)]
         unsafe fn relu(self) -> Self {

@@ -6,7 +6,8 @@
 //! - [`pass`]: the network on one image, forward and back;
 //! - [`parameters`]: the parameters as the kernels read them, and the sums of their gradients;
 //! - [`image`]: feature maps in memory; [`lanes`]: registers of each instruction set, [`dispatch`](mod@dispatch) chooses one;
-//! - [`convolution`], [`correlation`]: the two kernels that take nearly all of the time, the only ones in intrinsics;
+//! - [`convolution`], [`correlation`]: the two kernels that take nearly all of the time; [`winograd`]: how most of the
+//!   convolutions come to need fewer multiplications. These are the only ones in intrinsics;
 //! - [`pooling`]; [`softmax`] and [`logistic`]: what is made of logits, and losses; [`goal`]: which of these an image has.
 //!
 //! Each function that computes takes the instruction set and runs the copy of its loops that was compiled for it.
@@ -24,6 +25,7 @@ mod pooling;
 mod softmax;
 #[cfg(test)]
 mod tests;
+mod winograd;
 
 use std::sync::{Mutex, PoisonError};
 
@@ -76,7 +78,7 @@ impl Predictor {
     /// Prepares the parameters of a flat vector.
     pub(super) fn new(layers: &Layers, outputs: Outputs, flat: &[f32], simd: Simd) -> Self {
         let mut parameters = Parameters::new(layers);
-        parameters.load(flat, false);
+        parameters.load(simd, flat, false);
         Self { simd, outputs, parameters, workspaces: Pool::default() }
     }
 
@@ -105,7 +107,7 @@ impl Pass {
     fn run(&mut self, flat: &[f32], job: &Job<'_>) -> Vec<f32> {
         let Job { simd, batch, weights, .. } = *job;
         let total = total_weight(&batch.target, weights);
-        self.parameters.load(flat, true);
+        self.parameters.load(simd, flat, true);
         let (parameters, workspaces) = (&self.parameters, &self.workspaces);
         let cells = batch.size * batch.size;
         let share = batch.len().div_ceil(SHARDS);
@@ -121,7 +123,7 @@ impl Pass {
                 }
             });
         });
-        let (gradient, mut outcome) = reduce(&self.parameters.layers, &mut self.shards[..used]);
+        let (gradient, mut outcome) = reduce(simd, &self.parameters.layers, &mut self.shards[..used]);
         outcome.loss /= total;
         self.outcome = outcome;
         gradient

@@ -1,54 +1,37 @@
 //! The network's parameters as the kernels read them, and sums of their gradients.
 //!
-//! The forward pass reads most weights where they are in the flat vector. Two things are made of it:
+//! The forward pass reads the weights of the first layer and of those at the bottom where they are in the flat vector. Of the
+//! others two things are made:
 //!
-//! - A 3×3 convolution of a doubled image sees each pixel of the small image two by two times. For each of the four
-//!   [phases](super::image::PHASES) of a pixel the taps that read the same small pixel are added up beforehand, which
-//!   leaves two by two taps instead of three by three: 4/9 of the multiplications.
+//! - 3×3 weights are spread over the places of a [tile](super::winograd), those of a map that is doubled over nine of them.
 //! - The gradient of a convolution's input is a convolution of the gradient of its output, with the taps turned by half a
-//!   turn and inputs and outputs exchanged. For a doubled image it has four by four taps, two pixels apart.
+//!   turn and inputs and outputs exchanged. To turn three weights exchanges the first and the last of their four places.
 
 use std::ops::Range;
 
 use rayon::prelude::*;
 
 use super::convolution::Weights;
-use super::image::{PHASES, Phase};
+use super::dispatch::dispatch;
 use super::softmax::Outcome;
+use super::winograd::{DOUBLED, DOUBLED_WEIGHTS, PLACES, Spread, WHOLE_WEIGHTS};
 use crate::domain::unet::architecture::LANES;
+use crate::domain::unet::compute::Simd;
 use crate::domain::unet::layers::{Input, Layer, Layers};
 use crate::domain::unet::outputs::Outputs;
 use crate::domain::unet::tally::Tally;
 
-/// The rows (or columns) of 3×3 taps that read the small pixel `i` of the two that phase `a` sees.
-const fn folded(a: usize, i: usize) -> &'static [usize] {
-    match (a, i) {
-        (0, 0) => &[0],
-        (0, _) => &[1, 2],
-        (_, 0) => &[0, 1],
-        (_, _) => &[2],
-    }
-}
-
-/// The rows (or columns) of 3×3 taps by which a small pixel took part in the large pixel `d` of four.
-const fn unfolded(d: usize) -> &'static [usize] {
-    match d {
-        0 => &[2],
-        1 => &[1, 2],
-        2 => &[0, 1],
-        _ => &[0],
-    }
-}
-
 /// What is made of the parameters of one layer; what the layer has no need of stays empty.
 #[derive(Debug, Clone, Default)]
 struct Made {
-    /// Of the half of the inputs that is doubled, `[phase][tap, 4][input][output]`.
-    phases: Vec<f32>,
-    /// Of that half, for its gradient, `[tap, 16][output][input]`.
-    undoubled: Vec<f32>,
-    /// For the gradient of the other inputs, `[tap][output][input]`.
+    /// Of the inputs that are not doubled, spread: `[place][input][output]`.
+    whole: Vec<f32>,
+    /// For the gradient of those: `[place][output][input]`, or `[tap][output][input]` for a layer that is not cut into tiles.
     turned: Vec<f32>,
+    /// Of the half of the inputs that is doubled, spread: `[place of nine][input][output]`.
+    doubled: Vec<f32>,
+    /// For the gradient of those, `[place of nine][output][input]`.
+    undoubled: Vec<f32>,
 }
 
 /// The head's parameters, as its outputs are too few to fill registers.
@@ -84,18 +67,22 @@ impl Parameters {
     }
 
     /// Takes over the parameters of a flat vector; `backward` says whether gradients will be asked for.
-    pub(super) fn load(&mut self, flat: &[f32], backward: bool) {
+    pub(super) fn load(&mut self, simd: Simd, flat: &[f32], backward: bool) {
         self.flat.clear();
         self.flat.extend_from_slice(flat);
-        for (layer, made) in self.layers.all().iter().zip(&mut self.made).filter(|(layer, _)| layer.taps > 1) {
-            if let Input::Joined { .. } = layer.input {
-                fold(flat, layer, &mut made.phases);
+        for (layer, made) in self.layers.all().iter().zip(&mut self.made) {
+            let (inputs, outputs, first) = (layer.inputs, layer.outputs, doubled(layer));
+            if self.layers.has_tiles(layer) {
+                let from = |input: usize| &flat[layer.weights()][input * outputs..];
+                let tap = inputs * outputs;
+                spread(simd, &WHOLE_WEIGHTS, from(first), tap, (inputs - first) * outputs, &mut made.whole);
+                spread(simd, &DOUBLED_WEIGHTS, from(0), tap, first * outputs, &mut made.doubled);
                 if backward {
-                    unfold(flat, layer, &mut made.undoubled);
+                    transpose_all(&made.whole, inputs - first, outputs, &turned_place, &mut made.turned);
+                    transpose_all(&made.doubled, first, outputs, &|place| place, &mut made.undoubled);
                 }
-            }
-            if backward && layer.input != Input::Cells {
-                turn(flat, layer, &mut made.turned);
+            } else if backward && layer.taps > 1 && layer.input != Input::Cells {
+                transpose_all(&flat[layer.weights()], inputs, outputs, &|tap| 8 - tap, &mut made.turned);
             }
         }
         self.load_head(backward);
@@ -120,10 +107,9 @@ impl Parameters {
         }
     }
 
-    /// Returns the weights of a layer from the input channel `input` on.
-    pub(super) fn weights(&self, layer: &Layer, input: usize) -> Weights<'_> {
-        let data = &self.flat[layer.weights()];
-        Weights { data: &data[input * layer.outputs..], tap: layer.inputs * layer.outputs }
+    /// Returns the weights of a layer.
+    pub(super) fn weights(&self, layer: &Layer) -> Weights<'_> {
+        Weights { data: &self.flat[layer.weights()], tap: layer.inputs * layer.outputs }
     }
 
     /// Returns the biases of a layer.
@@ -136,23 +122,30 @@ impl Parameters {
         Weights { data: &self.flat[layer.weights()], tap: 0 }
     }
 
-    /// Returns the weights of a layer (by its number) for a `phase` of the map that is doubled.
-    pub(super) fn phase(&self, number: usize, [a, b]: Phase) -> Weights<'_> {
-        let phases = &self.made[number].phases;
-        let phase = phases.len() / 4;
-        Weights { data: &phases[(2 * a + b) * phase..][..phase], tap: phase / 4 }
+    /// Returns the spread weights of a layer (by its number), of the inputs that are not doubled: `[place][input][output]`.
+    pub(super) fn whole(&self, number: usize) -> &[f32] {
+        &self.made[number].whole
     }
 
-    /// Returns the weights for the gradient of the map that a layer (by its number) doubles.
-    pub(super) fn undoubled(&self, number: usize) -> Weights<'_> {
-        let data = self.made[number].undoubled.as_slice();
-        Weights { data, tap: data.len() / 16 }
+    /// Returns the spread weights for the gradient of the inputs that are not doubled: `[place][output][input]`.
+    pub(super) fn turned(&self, number: usize) -> &[f32] {
+        &self.made[number].turned
     }
 
-    /// Returns the weights for the gradient of a layer's (by its number) inputs, of those that are not doubled.
-    pub(super) fn turned(&self, number: usize) -> Weights<'_> {
+    /// Returns the weights, tap by tap, for the gradient of the inputs of a layer that is not cut into tiles.
+    pub(super) fn turned_taps(&self, number: usize) -> Weights<'_> {
         let data = self.made[number].turned.as_slice();
         Weights { data, tap: data.len() / 9 }
+    }
+
+    /// Returns the spread weights of the inputs that are doubled: `[place of nine][input][output]`.
+    pub(super) fn doubled(&self, number: usize) -> &[f32] {
+        &self.made[number].doubled
+    }
+
+    /// Returns the spread weights for the gradient of the inputs that are doubled: `[place of nine][output][input]`.
+    pub(super) fn undoubled(&self, number: usize) -> &[f32] {
+        &self.made[number].undoubled
     }
 
     /// Returns the head's weights and biases for the first (0) or second (1) half of its inputs.
@@ -177,54 +170,101 @@ const fn doubled(layer: &Layer) -> usize {
     if matches!(layer.input, Input::Joined { .. }) { layer.inputs / 2 } else { 0 }
 }
 
-/// Adds up taps of a layer's first half of inputs: `rows` × `cols` of the 3×3.
-fn sum_taps(flat: &[f32], layer: &Layer, rows: &[usize], cols: &[usize], out: &mut [f32]) {
-    out.fill(0.0);
-    for (row, col) in rows.iter().flat_map(|row| cols.iter().map(move |col| (row, col))) {
-        let tap = &flat[layer.start + (row * 3 + col) * layer.inputs * layer.outputs..];
-        for (sum, weight) in out.iter_mut().zip(tap) {
-            *sum += weight;
+/// Numbers are spread and collected in blocks, to which the compiler gives registers; weights are a multiple of it.
+const BLOCK: usize = 16;
+
+/// Reads a block.
+#[inline(always)]
+fn block(data: &[f32], at: usize) -> [f32; BLOCK] {
+    data[at..at + BLOCK].try_into().expect("a block is as long as it says")
+}
+
+/// Adds a multiple of a block to another.
+#[inline(always)]
+fn add(sum: &mut [f32; BLOCK], factor: f32, block: [f32; BLOCK]) {
+    for (sum, value) in sum.iter_mut().zip(block) {
+        *sum += factor * value;
+    }
+}
+
+/// Spreads 3×3 taps, `tap` numbers from one to the next, of `count` weights each, over N×N places.
+fn spread<const N: usize>(simd: Simd, how: &Spread<N>, taps: &[f32], tap: usize, count: usize, places: &mut Vec<f32>) {
+    places.resize(N * N * count, 0.0);
+    if count > 0 {
+        places.par_chunks_exact_mut(N * count).zip(how).for_each(|(places, rows)| {
+            dispatch!(simd, plain spread_row(how: &[[f32; 3]], rows: &[f32; 3], taps: &[f32], tap: usize, places: &mut [f32]));
+        });
+    }
+}
+
+#[inline(always)]
+fn spread_row(how: &[[f32; 3]], rows: &[f32; 3], taps: &[f32], tap: usize, places: &mut [f32]) {
+    let count = places.len() / how.len();
+    for at in (0..count).step_by(BLOCK) {
+        let mut columns = [[0.0; BLOCK]; 3];
+        for (row, factor) in rows.iter().enumerate() {
+            for (col, column) in columns.iter_mut().enumerate() {
+                add(column, *factor, block(taps, (3 * row + col) * tap + at));
+            }
+        }
+        for (place, factors) in places.chunks_exact_mut(count).zip(how) {
+            let mut sum = [0.0; BLOCK];
+            factors.iter().zip(columns).for_each(|(factor, column)| add(&mut sum, *factor, column));
+            place[at..at + BLOCK].copy_from_slice(&sum);
         }
     }
 }
 
-/// Makes the weights of the four phases of a doubled image.
-fn fold(flat: &[f32], layer: &Layer, forward: &mut Vec<f32>) {
-    let tap = layer.inputs / 2 * layer.outputs;
-    forward.resize(16 * tap, 0.0);
-    forward.par_chunks_exact_mut(tap).enumerate().for_each(|(index, out)| {
-        let ([a, b], [i, j]) = (PHASES[index / 4], PHASES[index % 4]);
-        sum_taps(flat, layer, folded(a, i), folded(b, j), out);
-    });
+/// Computes the gradient of a row of three taps, `tap` numbers from one to the next, from that of N×N places.
+#[inline(always)]
+fn collect_row(how: &[[f32; 3]], row: usize, places: &[f32], tap: usize, taps: &mut [f32]) {
+    let count = places.len() / (how.len() * how.len());
+    for at in (0..count).step_by(BLOCK) {
+        let mut sums = [[0.0; BLOCK]; 3];
+        for (j, factors) in how.iter().enumerate() {
+            let mut column = [0.0; BLOCK];
+            for (i, rows) in how.iter().enumerate() {
+                add(&mut column, rows[row], block(places, (i * how.len() + j) * count + at));
+            }
+            factors.iter().zip(&mut sums).for_each(|(factor, sum)| add(sum, *factor, column));
+        }
+        for (col, sum) in sums.iter().enumerate() {
+            taps[col * tap + at..][..BLOCK].copy_from_slice(sum);
+        }
+    }
 }
 
-/// Makes the weights for the gradient of an image that is doubled.
-fn unfold(flat: &[f32], layer: &Layer, backward: &mut Vec<f32>) {
-    let (inputs, outputs) = (layer.inputs / 2, layer.outputs);
-    backward.resize(16 * inputs * outputs, 0.0);
-    backward.par_chunks_exact_mut(inputs * outputs).enumerate().for_each_init(
-        || vec![0.0; inputs * outputs],
-        |sums, (index, out)| {
-            sum_taps(flat, layer, unfolded(index / 4), unfolded(index % 4), sums);
-            transpose(sums, inputs, outputs, out);
-        },
-    );
+/// Returns the place whose weights come to a place when the taps are turned.
+const fn turned_place(place: usize) -> usize {
+    const fn turned(i: usize) -> usize {
+        match i {
+            0 => 3,
+            3 => 0,
+            other => other,
+        }
+    }
+    4 * turned(place / 4) + turned(place % 4)
 }
 
-/// Makes the weights for the gradient of those of a layer's inputs that are not doubled.
-fn turn(flat: &[f32], layer: &Layer, turned: &mut Vec<f32>) {
-    let first = doubled(layer);
-    let (inputs, outputs) = (layer.inputs - first, layer.outputs);
-    turned.resize(9 * inputs * outputs, 0.0);
-    turned.par_chunks_exact_mut(inputs * outputs).enumerate().for_each(|(tap, out)| {
-        let from = layer.start + ((8 - tap) * layer.inputs + first) * outputs;
-        transpose(&flat[from..][..inputs * outputs], inputs, outputs, out);
-    });
+/// Exchanges inputs and outputs of every place (or tap), which are taken from another one.
+fn transpose_all(
+    from: &[f32],
+    inputs: usize,
+    outputs: usize,
+    place: &(impl Fn(usize) -> usize + Sync),
+    to: &mut Vec<f32>,
+) {
+    let length = inputs * outputs;
+    to.resize(from.len(), 0.0);
+    if length > 0 {
+        to.par_chunks_exact_mut(length).enumerate().for_each(|(number, to)| {
+            transpose(&from[place(number) * length..][..length], inputs, outputs, to);
+        });
+    }
 }
 
 /// Exchanges rows and columns, in blocks that the first-level cache holds.
 fn transpose(from: &[f32], rows: usize, cols: usize, to: &mut [f32]) {
-    const BLOCK: usize = 16;
     for (top, left) in (0..rows).step_by(BLOCK).flat_map(|top| (0..cols).step_by(BLOCK).map(move |left| (top, left))) {
         for col in left..cols.min(left + BLOCK) {
             for row in top..rows.min(top + BLOCK) {
@@ -237,8 +277,8 @@ fn transpose(from: &[f32], rows: usize, cols: usize, to: &mut [f32]) {
 /// Sums of gradients over some samples of a batch, with their loss.
 #[derive(Debug, Clone)]
 pub(super) struct Gradients {
-    /// The flat vector of the parameters, followed by what [`Parameters`] makes of them: the phases of each layer that
-    /// doubles a map, the padded head and its biases.
+    /// The flat vector of the parameters, followed by what [`Parameters`] makes of them: the spread weights of each layer that
+    /// is cut into tiles, the padded head and its biases.
     sums: Vec<f32>,
     places: Places,
     pub(super) outcome: Outcome,
@@ -247,8 +287,8 @@ pub(super) struct Gradients {
 /// Where the parts of [`Gradients`] lie.
 #[derive(Debug, Clone)]
 struct Places {
-    /// For each layer its phases; empty if it has none.
-    phases: Vec<Range<usize>>,
+    /// For each layer its spread weights of the inputs that are not doubled, and of those that are; empty if it has none.
+    spread: Vec<[Range<usize>; 2]>,
     head: Range<usize>,
     head_bias: Range<usize>,
 }
@@ -260,9 +300,13 @@ impl Gradients {
             end += length;
             end - length..end
         };
-        let phases = |layer: &Layer| if layer.taps > 1 { 16 * doubled(layer) * layer.outputs } else { 0 };
+        let mut spread = |layer: &Layer| {
+            let [whole, doubled] =
+                if layers.has_tiles(layer) { [layer.inputs - doubled(layer), doubled(layer)] } else { [0; 2] };
+            [place(PLACES * whole * layer.outputs), place(DOUBLED.len() * doubled * layer.outputs)]
+        };
         let places = Places {
-            phases: layers.all().iter().map(|layer| place(phases(layer))).collect(),
+            spread: layers.all().iter().map(&mut spread).collect(),
             head: place(layers.head().inputs * padded(layers)),
             head_bias: place(padded(layers)),
         };
@@ -277,9 +321,9 @@ impl Gradients {
         self.outcome.tally.clear();
     }
 
-    /// Returns the sums of a layer's weights from the input channel `input` on.
-    pub(super) fn weights(&mut self, layer: &Layer, input: usize) -> &mut [f32] {
-        &mut self.sums[layer.weights()][input * layer.outputs..]
+    /// Returns the sums of a layer's weights.
+    pub(super) fn weights(&mut self, layer: &Layer) -> &mut [f32] {
+        &mut self.sums[layer.weights()]
     }
 
     /// Returns the sums of a layer's biases.
@@ -287,11 +331,11 @@ impl Gradients {
         &mut self.sums[layer.bias()]
     }
 
-    /// Returns the sums of the weights of a layer (by its number) for a `phase` of the map that is doubled.
-    pub(super) fn phase(&mut self, number: usize, [a, b]: Phase) -> &mut [f32] {
-        let phases = &mut self.sums[self.places.phases[number].clone()];
-        let phase = phases.len() / 4;
-        &mut phases[(2 * a + b) * phase..][..phase]
+    /// Returns the sums of a layer's (by its number) spread weights, of the inputs that are not doubled and of those that are.
+    pub(super) fn spread(&mut self, number: usize) -> [&mut [f32]; 2] {
+        let [whole, doubled] = &self.places.spread[number];
+        let (whole, doubled) = self.sums[whole.start..doubled.end].split_at_mut(whole.len());
+        [whole, doubled]
     }
 
     /// Returns the sums of the padded head's weights for the first (0) or second (1) half of its inputs.
@@ -308,7 +352,7 @@ impl Gradients {
 }
 
 /// Adds up the gradients of all shards of a batch, always in the same order, into one flat vector.
-pub(super) fn reduce(layers: &Layers, shards: &mut [Gradients]) -> (Vec<f32>, Outcome) {
+pub(super) fn reduce(simd: Simd, layers: &Layers, shards: &mut [Gradients]) -> (Vec<f32>, Outcome) {
     const CHUNK: usize = 4096;
     let (first, others) = shards.split_first_mut().expect("a batch has shards");
     first.sums.par_chunks_mut(CHUNK).enumerate().for_each(|(chunk, sums)| {
@@ -324,8 +368,12 @@ pub(super) fn reduce(layers: &Layers, shards: &mut [Gradients]) -> (Vec<f32>, Ou
     }
     let mut flat = first.sums[..layers.parameters()].to_vec();
     let at = |place: &Range<usize>| &first.sums[place.clone()];
-    for (layer, place) in layers.all().iter().zip(&first.places.phases).filter(|(_, place)| !place.is_empty()) {
-        add_phases(layer, at(place), &mut flat);
+    for (layer, [whole, small]) in
+        layers.all().iter().zip(&first.places.spread).filter(|(_, [whole, _])| !whole.is_empty())
+    {
+        let taps = &mut flat[layer.weights()];
+        collect(simd, &WHOLE_WEIGHTS, at(whole), layer, doubled(layer), taps);
+        collect(simd, &DOUBLED_WEIGHTS, at(small), layer, 0, taps);
     }
     let head = layers.head();
     let rows = flat[head.weights()].chunks_exact_mut(head.outputs);
@@ -336,16 +384,11 @@ pub(super) fn reduce(layers: &Layers, shards: &mut [Gradients]) -> (Vec<f32>, Ou
     (flat, first.outcome.clone())
 }
 
-/// Adds the gradients of the four phases to those of the taps that they were made of.
-fn add_phases(layer: &Layer, phases: &[f32], flat: &mut [f32]) {
-    let length = layer.inputs / 2 * layer.outputs;
-    for (index, sums) in phases.chunks_exact(length).enumerate() {
-        let ([a, b], [i, j]) = (PHASES[index / 4], PHASES[index % 4]);
-        for (row, col) in folded(a, i).iter().flat_map(|row| folded(b, j).iter().map(move |col| (row, col))) {
-            let tap = layer.start + (row * 3 + col) * layer.inputs * layer.outputs;
-            for (out, sum) in flat[tap..][..length].iter_mut().zip(sums) {
-                *out += sum;
-            }
-        }
-    }
+/// Computes the gradient of a layer's 3×3 taps, of the inputs from `first` on, from that of their places.
+fn collect<const N: usize>(simd: Simd, how: &Spread<N>, places: &[f32], layer: &Layer, first: usize, taps: &mut [f32]) {
+    let tap = layer.inputs * layer.outputs;
+    taps.par_chunks_exact_mut(3 * tap).enumerate().for_each(|(row, taps)| {
+        let taps = &mut taps[first * layer.outputs..];
+        dispatch!(simd, plain collect_row(how: &[[f32; 3]], row: usize, places: &[f32], tap: usize, taps: &mut [f32]));
+    });
 }

@@ -9,6 +9,7 @@ use super::goal::Goal;
 use super::image::{Image, PHASES, Source};
 use super::parameters::{Gradients, Parameters};
 use super::pooling::{add_pixels, halve, sum_halve, unfold, unhalve};
+use super::winograd::{Small, Tiles};
 use super::{logistic, softmax};
 use crate::domain::unet::compute::Simd;
 use crate::domain::unet::layers::{Input, Layer};
@@ -28,6 +29,7 @@ pub(super) struct Workspace {
     halved_gradients: Vec<Image>,
     /// Gradient of the logits, summed up over two by two pixels.
     logits_halved: Image,
+    tiles: Tiles,
 }
 
 impl Workspace {
@@ -83,13 +85,15 @@ impl Workspace {
                     let source = (self.patches.pixels(), parameters.of_cells(layer));
                     convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target());
                 }
-                Input::Map(map) => encode(simd, parameters, layer, &before[map], output),
+                Input::Map(map) => encode(simd, parameters, (number, layer), &before[map], &mut self.tiles, output),
                 Input::Halved(map) => {
                     halve(simd, &before[map], &mut self.halved[map]);
-                    encode(simd, parameters, layer, &self.halved[map], output);
+                    encode(simd, parameters, (number, layer), &self.halved[map], &mut self.tiles, output);
                 }
                 Input::Joined { small, skipped } if layer.taps > 1 => {
-                    decode(simd, parameters, (number, layer), [&before[small], &before[skipped]], output);
+                    let whole = (&before[skipped], parameters.whole(number));
+                    let small = Some((&before[small], parameters.doubled(number)));
+                    self.tiles.convolve(simd, whole, small, parameters.bias(layer), Then::Relu, output);
                 }
                 Input::Joined { small, skipped } => {
                     head(simd, parameters, [&before[small], &before[skipped]], output);
@@ -110,23 +114,23 @@ impl Workspace {
             add_pixels(simd, back.gradient, gradients.bias(layer));
             match layer.input {
                 Input::Cells => {
-                    weight_gradient(simd, self.patches.pixels(), back.gradient, gradients.weights(layer, 0));
+                    weight_gradient(simd, self.patches.pixels(), back.gradient, gradients.weights(layer));
                 }
                 Input::Map(map) => {
-                    back.correlate(&self.maps[map], gradients.weights(layer, 0));
-                    back.turn(&self.maps[map], &mut before[map], gate(&self.maps[map]));
+                    let input = &self.maps[map];
+                    back.of_encoder(input, &mut self.tiles, gradients, gate(input), &mut before[map]);
                 }
                 Input::Halved(map) => {
                     let (halved, halved_gradient) = (&self.halved[map], &mut self.halved_gradients[map]);
-                    back.correlate(halved, gradients.weights(layer, 0));
-                    back.turn(halved, halved_gradient, Then::Nothing);
+                    back.of_encoder(halved, &mut self.tiles, gradients, Then::Nothing, halved_gradient);
                     unhalve(simd, &self.maps[map], halved, halved_gradient, &mut before[map]);
                 }
                 Input::Joined { small, skipped } => {
-                    let small_map = &self.maps[small];
-                    back.correlate(&self.maps[skipped], gradients.weights(layer, small_map.channels));
-                    back.turn(&self.maps[skipped], &mut before[skipped], Then::Nothing);
-                    back.undouble(gradients, small_map, &mut before[small]);
+                    let [whole, doubled] = gradients.spread(number);
+                    let (turned, map) = (parameters.undoubled(number), &self.maps[small]);
+                    let small = Small { map, turned, sums: doubled, then: gate(map), gradient: &mut before[small] };
+                    self.tiles.correlate(simd, &self.maps[skipped], back.gradient, whole, Some(small));
+                    back.turn(&self.maps[skipped], &mut self.tiles, Then::Nothing, &mut before[skipped]);
                 }
             }
         }
@@ -159,24 +163,20 @@ fn gate(map: &Image) -> Then<'_> {
 }
 
 /// Computes a layer that reads one map: convolution, bias, ReLU.
-fn encode(simd: Simd, parameters: &Parameters, layer: &Layer, input: &Image, output: &mut Image) {
-    let source = (input.neighbors(), parameters.weights(layer, 0));
-    convolve(simd, &[source], parameters.bias(layer), Then::Relu, &mut output.target());
-}
-
-/// Computes a layer of the `small` map, doubled, beside the one that `skipped` the levels below.
-fn decode(
+fn encode(
     simd: Simd,
     parameters: &Parameters,
     (number, layer): (usize, &Layer),
-    [small, skipped]: [&Image; 2],
+    input: &Image,
+    tiles: &mut Tiles,
     output: &mut Image,
 ) {
-    let weights = parameters.weights(layer, small.channels);
-    for phase in PHASES {
-        let below = (small.doubled(phase), parameters.phase(number, phase));
-        let beside = (skipped.neighbors_of(phase), weights);
-        convolve(simd, &[below, beside], parameters.bias(layer), Then::Relu, &mut output.target_of(phase));
+    let bias = parameters.bias(layer);
+    if parameters.layers.has_tiles(layer) {
+        tiles.convolve(simd, (input, parameters.whole(number)), None, bias, Then::Relu, output);
+    } else {
+        let source = (input.neighbors(), parameters.weights(layer));
+        convolve(simd, &[source], bias, Then::Relu, &mut output.target());
     }
 }
 
@@ -205,35 +205,35 @@ struct Backward<'a> {
 }
 
 impl Backward<'_> {
-    /// Adds the gradient of the weights of a map that is not doubled.
-    fn correlate(&self, input: &Image, sums: &mut [f32]) {
-        let Self { simd, layer, gradient, .. } = *self;
-        let size = [gradient.rows, gradient.cols];
-        let tap = layer.inputs * layer.outputs;
-        correlate(simd, &Correlation { input: input.neighbors(), gradient: gradient.pixels(), size, tap }, sums);
-    }
-
-    /// Computes the gradient of a map that is not doubled.
-    fn turn(&self, input: &Image, input_gradient: &mut Image, then: Then<'_>) {
-        input_gradient.resize(input.rows, input.cols, input.channels);
-        let source = (self.gradient.neighbors(), self.parameters.turned(self.number));
-        convolve(self.simd, &[source], &[], then, &mut input_gradient.target());
-    }
-
-    /// Computes the gradient of a map that is doubled, and adds that of its weights.
-    fn undouble(&self, gradients: &mut Gradients, small: &Image, small_gradient: &mut Image) {
+    /// Adds the gradient of the weights of a layer that reads one map, and computes that of the map.
+    fn of_encoder(
+        &self,
+        input: &Image,
+        tiles: &mut Tiles,
+        gradients: &mut Gradients,
+        then: Then<'_>,
+        input_gradient: &mut Image,
+    ) {
         let Self { simd, parameters, number, layer, gradient } = *self;
-        for phase in PHASES {
-            let correlation = Correlation {
-                input: small.doubled(phase),
-                gradient: gradient.pixels_of(phase),
-                size: [small.rows, small.cols],
-                tap: small.channels * layer.outputs,
-            };
-            correlate(simd, &correlation, gradients.phase(number, phase));
+        if parameters.layers.has_tiles(layer) {
+            let [whole, _] = gradients.spread(number);
+            tiles.correlate(simd, input, gradient, whole, None);
+            self.turn(input, tiles, then, input_gradient);
+        } else {
+            let size = [gradient.rows, gradient.cols];
+            let tap = layer.inputs * layer.outputs;
+            let correlation = Correlation { input: input.neighbors(), gradient: gradient.pixels(), size, tap };
+            correlate(simd, &correlation, gradients.weights(layer));
+            input_gradient.resize(input.rows, input.cols, input.channels);
+            let source = (gradient.neighbors(), parameters.turned_taps(number));
+            convolve(simd, &[source], &[], then, &mut input_gradient.target());
         }
-        small_gradient.resize(small.rows, small.cols, small.channels);
-        let source = (gradient.undoubled(), parameters.undoubled(number));
-        convolve(simd, &[source], &[], gate(small), &mut small_gradient.target());
+    }
+
+    /// Computes the gradient of a map that is not doubled, in tiles.
+    fn turn(&self, input: &Image, tiles: &mut Tiles, then: Then<'_>, input_gradient: &mut Image) {
+        input_gradient.resize(input.rows, input.cols, input.channels);
+        let whole = (self.gradient, self.parameters.turned(self.number));
+        tiles.convolve(self.simd, whole, None, &[], then, input_gradient);
     }
 }

@@ -4,6 +4,7 @@ use super::convolution::{Then, Weights, convolve};
 use super::correlation::{Correlation, correlate};
 use super::image::{Image, PHASES};
 use super::pooling::{halve, unhalve};
+use super::winograd::{Small, Tiles};
 use super::*;
 use crate::domain::planes::Plane;
 use crate::domain::random::Stream;
@@ -147,65 +148,128 @@ fn double(image: &Image) -> Image {
     doubled
 }
 
-/// The four phases with their folded weights, against nine taps on an image that is really doubled: forward, and the
-/// gradients of input and weights.
+/// Weights of 3×3 taps `[tap][input][output]`, the inputs of a small map before those of a whole one, with all that is made of
+/// them.
+struct Spread {
+    flat: Vec<f32>,
+    parameters: Parameters,
+    layers: Layers,
+}
+
+/// Decoder 2 of the paper's network: 64 channels that are doubled, 64 beside them, 32 outputs.
+const DECODER: usize = 5;
+
+impl Spread {
+    fn new(simd: Simd) -> Self {
+        let layers = Layers::new(&Architecture::paper(), &[], 4);
+        let (flat, mut parameters) = (random(layers.parameters(), 1), Parameters::new(&layers));
+        parameters.load(simd, &flat, true);
+        Self { flat, parameters, layers }
+    }
+
+    fn layer(&self) -> &crate::domain::unet::layers::Layer {
+        &self.layers.all()[DECODER]
+    }
+
+    fn weight(&self, tap: usize, input: usize, output: usize) -> f64 {
+        let layer = self.layer();
+        f64::from(self.flat[layer.start + (tap * layer.inputs + input) * layer.outputs + output])
+    }
+}
+
+/// Rows and columns of pixels of a small map; its double has blocks of one row of tiles, of some, and of all.
+const SIZES: [[usize; 2]; 3] = [[3, 70], [9, 11], [2, 1]];
+
 #[test]
-fn phases_are_the_convolution_of_a_doubled_image() {
-    let layers = Layers::new(&Architecture::paper(), &[], 4);
-    let number = layers.all().iter().position(|layer| layer.name == "decoder2").expect("there is one");
-    let layer = &layers.all()[number];
-    let flat = random(layers.parameters(), 1);
-    let mut parameters = Parameters::new(&layers);
-    parameters.load(&flat, true);
-    let small = random_image(3, 8, layer.inputs / 2, 2);
-    let large = double(&small);
-    let gradient = random_image(6, 16, layer.outputs, 3);
-    let image = |rows, cols, channels| {
-        let mut image = Image::default();
-        image.resize(rows, cols, channels);
-        image
-    };
-    for simd in available() {
-        let run = |sources: &[(image::Source<'_>, Weights<'_>)], mut target: image::Target<'_>| {
-            convolve(simd, sources, &[], Then::Nothing, &mut target);
+fn tiles_are_the_convolution_of_a_map_and_of_one_that_is_doubled() {
+    for (simd, [rows, cols]) in available().flat_map(|simd| SIZES.map(|size| (simd, size))) {
+        let spread = Spread::new(simd);
+        let (small, whole) = (random_image(rows, cols, 64, 2), random_image(2 * rows, 2 * cols, 64, 3));
+        let (large, bias, gate) = (double(&small), random(32, 4), random_image(2 * rows, 2 * cols, 32, 5));
+        let mut tiles = Tiles::default();
+        let mut run = |small: Option<&Image>, then| {
+            let mut out = Image::default();
+            out.resize(2 * rows, 2 * cols, 32);
+            let whole = (&whole, spread.parameters.whole(DECODER));
+            let small = small.map(|small| (small, spread.parameters.doubled(DECODER)));
+            tiles.convolve(simd, whole, small, &bias, then, &mut out);
+            out
         };
-        let (mut expected, mut found) = (image(6, 16, layer.outputs), image(6, 16, layer.outputs));
-        run(&[(large.neighbors(), parameters.weights(layer, 0))], expected.target());
-        for phase in PHASES {
-            run(&[(small.doubled(phase), parameters.phase(number, phase))], found.target_of(phase));
-        }
-        for_each(&expected, |r, c, k| assert_close(at(&found, r, c, k), at(&expected, r, c, k), 50.0, "forward"));
-
-        // What each of the four pixels gets, by the weights turned here, added up.
-        let mut turned = vec![0.0; 9 * small.channels * layer.outputs];
-        for (i, weight) in turned.iter_mut().enumerate() {
-            let (tap, output, input) =
-                (i / (small.channels * layer.outputs), i / small.channels % layer.outputs, i % small.channels);
-            *weight = flat[layer.start + ((8 - tap) * layer.inputs + input) * layer.outputs + output];
-        }
-        let (mut four, mut found) = (image(6, 16, small.channels), image(3, 8, small.channels));
-        let weights = Weights { data: &turned, tap: small.channels * layer.outputs };
-        run(&[(gradient.neighbors(), weights)], four.target());
-        run(&[(gradient.undoubled(), parameters.undoubled(number))], found.target());
-        for_each(&found, |r, c, k| {
-            let sum = PHASES.map(|[a, b]| at(&four, 2 * r + a as isize, 2 * c + b as isize, k)).iter().sum();
-            assert_close(at(&found, r, c, k), sum, 50.0, "gradient of the input");
+        let gate_data = Then::Gate(&gate.data[gate.first()..]);
+        let (alone, both) = (run(None, Then::Nothing), run(Some(&small), Then::Nothing));
+        let (relu, gated) = (run(Some(&small), Then::Relu), run(Some(&small), gate_data));
+        assert!(both.data[..both.first()].iter().all(|border| *border == 0.0));
+        for_each(&both, |row, col, output| {
+            let mut sums = [f64::from(bias[output]); 2];
+            for tap in 0..9 {
+                let (row, col) = (row + tap as isize / 3 - 1, col + tap as isize % 3 - 1);
+                for channel in 0..64 {
+                    let beside = at(&whole, row, col, channel) * spread.weight(tap, 64 + channel, output);
+                    sums[0] += beside;
+                    sums[1] += beside + at(&large, row, col, channel) * spread.weight(tap, channel, output);
+                }
+            }
+            assert_close(at(&alone, row, col, output), sums[0], 100.0, "a map");
+            assert_close(at(&both, row, col, output), sums[1], 100.0, "a map beside one that is doubled");
+            assert_eq!(at(&relu, row, col, output), at(&both, row, col, output).max(0.0));
+            let open = at(&gate, row, col, output) > 0.0;
+            assert_eq!(at(&gated, row, col, output), if open { at(&both, row, col, output) } else { 0.0 });
         });
+    }
+}
 
-        let correlation =
-            |input, gradient, size| Correlation { input, gradient, size, tap: small.channels * layer.outputs };
-        let mut expected = vec![0.0; 9 * small.channels * layer.outputs];
-        correlate(simd, &correlation(large.neighbors(), gradient.pixels(), [6, 16]), &mut expected);
-        let mut sums = Gradients::new(&layers, Outputs::Classes(3));
-        for phase in PHASES {
-            let phases = correlation(small.doubled(phase), gradient.pixels_of(phase), [3, 8]);
-            correlate(simd, &phases, sums.phase(number, phase));
-        }
-        let (found, _) = reduce(&layers, &mut [sums]);
-        for (i, expected) in expected.iter().enumerate() {
-            let (tap, rest) = (i / (small.channels * layer.outputs), i % (small.channels * layer.outputs));
-            let found = found[layer.start + tap * layer.inputs * layer.outputs + rest];
-            assert_close(found.into(), (*expected).into(), 50.0, "gradient of the weights");
+/// By the definition of the gradients: the output is linear in the weights and in the inputs.
+#[test]
+fn gradients_of_tiles_are_those_of_the_convolution() {
+    for (simd, [rows, cols]) in available().flat_map(|simd| SIZES.map(|size| (simd, size))) {
+        let spread = Spread::new(simd);
+        let (small, whole) = (random_image(rows, cols, 64, 2), random_image(2 * rows, 2 * cols, 64, 3));
+        let (large, gradient) = (double(&small), random_image(2 * rows, 2 * cols, 32, 4));
+        let mut tiles = Tiles::default();
+        let mut gradients = Gradients::new(&spread.layers, Outputs::Classes(3));
+        let (mut small_gradient, mut whole_gradient) = (Image::default(), Image::default());
+        whole_gradient.resize(2 * rows, 2 * cols, 64);
+        let [sums, small_sums] = gradients.spread(DECODER);
+        let below = Small {
+            map: &small,
+            turned: spread.parameters.undoubled(DECODER),
+            sums: small_sums,
+            then: Then::Gate(&small.data[small.first()..]),
+            gradient: &mut small_gradient,
+        };
+        tiles.correlate(simd, &whole, &gradient, sums, Some(below));
+        let turned = (&gradient, spread.parameters.turned(DECODER));
+        tiles.convolve(simd, turned, None, &[], Then::Nothing, &mut whole_gradient);
+
+        let input_gradient = |row: isize, col: isize, input: usize| {
+            let mut sum = 0.0;
+            for tap in 0..9 {
+                let (row, col) = (row - tap as isize / 3 + 1, col - tap as isize % 3 + 1);
+                (0..32).for_each(|output| sum += at(&gradient, row, col, output) * spread.weight(tap, input, output));
+            }
+            sum
+        };
+        for_each(&whole_gradient, |row, col, channel| {
+            let expected = input_gradient(row, col, 64 + channel);
+            assert_close(at(&whole_gradient, row, col, channel), expected, 50.0, "gradient of a map");
+        });
+        for_each(&small_gradient, |row, col, channel| {
+            let four = PHASES.map(|[a, b]| input_gradient(2 * row + a as isize, 2 * col + b as isize, channel));
+            let expected = if at(&small, row, col, channel) > 0.0 { four.iter().sum() } else { 0.0 };
+            assert_close(at(&small_gradient, row, col, channel), expected, 100.0, "gradient of a map that is doubled");
+        });
+        let (flat, _) = reduce(simd, &spread.layers, &mut [gradients]);
+        for (index, found) in flat[spread.layer().weights()].iter().enumerate().step_by(29) {
+            let (tap, input, output) = (index / (128 * 32), index / 32 % 128, index % 32);
+            let image = if input < 64 { &large } else { &whole };
+            let mut sum = 0.0;
+            for_each(&gradient, |row, col, channel| {
+                if channel == output {
+                    let (above, left) = (row + tap as isize / 3 - 1, col + tap as isize % 3 - 1);
+                    sum += at(image, above, left, input % 64) * at(&gradient, row, col, channel);
+                }
+            });
+            assert_close(f64::from(*found), sum, (4 * rows * cols) as f64, "gradient of a weight");
         }
     }
 }
