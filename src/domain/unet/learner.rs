@@ -170,33 +170,40 @@ impl Learner {
     /// Computes the loss of a batch, its gradient, and how well was predicted.
     pub(super) fn gradient(&self, batch: &Batch) -> (f64, Tensor<1>, Tally) {
         let tracked = self.parameters.clone().autodiff().require_grad();
-        let (loss, tally) = match self.compute.kernels() {
-            Some(simd) => self.pass.loss(&tracked, simd, batch, &self.weights),
-            None => self.plain_loss(&tracked, batch),
-        };
-        let gradients = loss.clone().backward();
-        let gradient = tracked.grad(&gradients).expect("the loss depends on the parameters");
-        (f64::from(loss.into_scalar::<f32>()), gradient.inner(), tally)
+        match self.compute.kernels() {
+            Some(simd) => {
+                let (loss, tally) = self.pass.loss(&tracked, simd, batch, &self.weights);
+                let (loss, gradient) = backward(loss, &tracked);
+                (loss, gradient, tally)
+            }
+            None => {
+                let logits = self.plain_logits(&tracked, batch);
+                let said = logits.clone().inner();
+                let (loss, gradient) = backward(self.plain_loss(logits, batch), &tracked);
+                // Last, because a GPU has to be waited for: by now it has been told all.
+                (loss, gradient, self.tally(said, batch))
+            }
+        }
     }
 
-    fn plain_loss(&self, parameters: &Tensor<1>, batch: &Batch) -> (Tensor<1>, Tally) {
-        let shape = [batch.len(), 1, batch.size, batch.size];
-        let tensor = |values: Vec<f32>| Tensor::<4>::from_data(TensorData::new(values, shape), self.compute.device());
+    fn plain_logits(&self, parameters: &Tensor<1>, batch: &Batch) -> Tensor<4> {
         let planes = self.layers.numbers(&batch.images, batch.size * batch.size);
         let planes = TensorData::new(planes, [batch.len(), self.layers.planes(), batch.size, batch.size]);
-        let planes = Tensor::<4>::from_data(planes, self.compute.device());
-        let logits = model::logits(&self.layers, parameters, &planes);
+        model::logits(&self.layers, parameters, &Tensor::from_data(planes, self.compute.device()))
+    }
+
+    fn plain_loss(&self, logits: Tensor<4>, batch: &Batch) -> Tensor<1> {
+        let shape = [batch.len(), 1, batch.size, batch.size];
+        let tensor = |values: Vec<f32>| Tensor::<4>::from_data(TensorData::new(values, shape), self.compute.device());
         match &batch.target {
             Target::Classes { labels, .. } => {
-                let tally = self.tally_classes(&logits, labels);
                 let weight = |label: &i8| usize::try_from(*label).map_or(0.0, |label| self.weights[label]);
                 let weights = tensor(labels.iter().map(weight).collect());
                 let labels: Vec<i32> = labels.iter().map(|label| i32::from(*label).max(0)).collect();
                 let labels = Tensor::<4, Int>::from_data(TensorData::new(labels, shape), self.compute.device());
-                (weighted_cross_entropy(logits, labels, weights), tally)
+                weighted_cross_entropy(logits, labels, weights)
             }
             Target::Ranks { rank, density, flow } => {
-                let tally = self.tally_ranks(&logits, rank);
                 let free = tensor(rank.iter().map(|rank| f32::from(u8::from(*rank >= 0.0))).collect());
                 let density = density.as_ref().map(|density| tensor(density.clone()));
                 let flow = flow.as_ref().map(|flow| {
@@ -205,13 +212,20 @@ impl Learner {
                     let codes = Tensor::<4>::from_data(TensorData::new(codes, shape), self.compute.device());
                     codes.clone() / codes.sum_dim(1).clamp_min(1.0)
                 });
-                (rank_loss(logits, tensor(rank.clone()), density, flow, free), tally)
+                rank_loss(logits, tensor(rank.clone()), density, flow, free)
             }
         }
     }
 
-    fn tally_classes(&self, logits: &Tensor<4>, labels: &[i8]) -> Tally {
-        let predicted = logits.clone().inner().argmax(1).into_data_as::<i32>().try_into_vec::<i32>().expect("integers");
+    fn tally(&self, logits: Tensor<4>, batch: &Batch) -> Tally {
+        match &batch.target {
+            Target::Classes { labels, .. } => self.tally_classes(logits, labels),
+            Target::Ranks { rank, .. } => tally_ranks(logits, rank),
+        }
+    }
+
+    fn tally_classes(&self, logits: Tensor<4>, labels: &[i8]) -> Tally {
+        let predicted = logits.argmax(1).into_data_as::<i32>().try_into_vec::<i32>().expect("integers");
         let mut tally = Tally::new(self.outputs.classes());
         for (label, predicted) in labels.iter().zip(predicted) {
             if let Ok(label) = usize::try_from(*label) {
@@ -220,14 +234,20 @@ impl Learner {
         }
         tally
     }
+}
 
-    fn tally_ranks(&self, logits: &Tensor<4>, rank: &[f32]) -> Tally {
-        let predicted = sigmoid(logits.clone().inner().narrow(1, 0, 1));
-        let predicted = predicted.into_data().try_into_vec::<f32>().expect("floats");
-        let ranked = || rank.iter().zip(&predicted).filter(|(rank, _)| **rank >= 0.0);
-        let error = ranked().map(|(rank, predicted)| f64::from((rank - predicted).abs())).sum();
-        Tally { ranked: ranked().count() as u64, error, ..Tally::default() }
-    }
+fn tally_ranks(logits: Tensor<4>, rank: &[f32]) -> Tally {
+    let predicted = sigmoid(logits.narrow(1, 0, 1)).into_data().try_into_vec::<f32>().expect("floats");
+    let ranked = || rank.iter().zip(&predicted).filter(|(rank, _)| **rank >= 0.0);
+    let error = ranked().map(|(rank, predicted)| f64::from((rank - predicted).abs())).sum();
+    Tally { ranked: ranked().count() as u64, error, ..Tally::default() }
+}
+
+/// Returns a loss and its gradient.
+fn backward(loss: Tensor<1>, parameters: &Tensor<1>) -> (f64, Tensor<1>) {
+    let gradients = loss.clone().backward();
+    let gradient = parameters.grad(&gradients).expect("the loss depends on the parameters").inner();
+    (f64::from(loss.into_scalar::<f32>()), gradient)
 }
 
 #[cfg(test)]

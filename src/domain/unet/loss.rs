@@ -15,8 +15,13 @@ use crate::domain::raster::DIRECTIONS;
 #[must_use]
 pub fn weighted_cross_entropy(logits: Tensor<4>, labels: Tensor<4, Int>, weights: Tensor<4>) -> Tensor<1> {
     let log_likelihood = log_softmax(logits, 1).gather(1, labels);
-    let total = weights.clone().sum().clamp_min(f32::MIN_POSITIVE);
-    (log_likelihood * weights).sum().neg() / total
+    let total = sum(weights.clone()).clamp_min(f32::MIN_POSITIVE);
+    sum(log_likelihood * weights).neg() / total
+}
+
+/// Sums up all cells in the same order each time; burn's own `sum` of everything lets the threads of a GPU add as they come.
+fn sum(cells: Tensor<4>) -> Tensor<1> {
+    cells.sum_dim(3).flatten::<1>(0, 3).sum_dim(0)
 }
 
 /// Weight of the loss of densities beside that of ranks.
@@ -43,7 +48,7 @@ pub fn rank_loss(
     flow: Option<Tensor<4>>,
     free: Tensor<4>,
 ) -> Tensor<1> {
-    let total = free.clone().sum().clamp_min(1.0);
+    let total = sum(free.clone()).clamp_min(1.0);
     let z = logits.clone().narrow(1, 0, 1);
     let likelihood = rank.clone() * log_sigmoid(z.clone()) + (rank.neg() + 1.0) * log_sigmoid(z.neg());
     let mut loss = likelihood.neg();
@@ -56,7 +61,7 @@ pub fn rank_loss(
         let likelihood = log_softmax(logits.narrow(1, first_direction, DIRECTIONS), 1);
         loss = loss - (flow * likelihood).sum_dim(1) * FLOW_WEIGHT;
     }
-    (loss * free).sum() / total
+    sum(loss * free) / total
 }
 
 #[cfg(test)]

@@ -10,8 +10,8 @@ use super::outputs::Outputs;
 use super::{UnetError, ops};
 use crate::domain::planes::Plane;
 
-/// Images that burn's own operations work on at once; more only need more memory.
-const PLAIN_BATCH: usize = 16;
+/// Cells of images that burn's own operations work on at once; more only need more memory, of which a GPU has little.
+const PLAIN_CELLS: usize = 16 * 64 * 64;
 
 /// A network that predicts.
 pub struct Network {
@@ -87,8 +87,8 @@ impl Network {
             Some(kernels) => kernels.predict(images, rows, cols, out),
             None => {
                 let cells = rows * cols;
-                let batches = images.chunks(PLAIN_BATCH * planes * cells);
-                for (images, out) in batches.zip(out.chunks_mut(PLAIN_BATCH * cells * outputs)) {
+                let at_once = (PLAIN_CELLS / cells).max(1) * cells;
+                for (images, out) in images.chunks(at_once * planes).zip(out.chunks_mut(at_once * outputs)) {
                     self.plain(images, rows, cols, out);
                 }
             }
