@@ -29,10 +29,12 @@ pub enum Need {
     Strace,
     /// A processor with AVX-512.
     Avx512,
+    /// A GPU, or a driver that does its work on the processor.
+    Gpu,
 }
 
 impl Need {
-    const ALL: [Self; 10] = [
+    const ALL: [Self; 11] = [
         Self::Oracle,
         Self::Maps,
         Self::Tracks,
@@ -43,6 +45,7 @@ impl Need {
         Self::Cc,
         Self::Strace,
         Self::Avx512,
+        Self::Gpu,
     ];
 
     const fn name(self) -> &'static str {
@@ -57,6 +60,7 @@ impl Need {
             Self::Cc => "cc",
             Self::Strace => "strace",
             Self::Avx512 => "avx512",
+            Self::Gpu => "gpu",
         }
     }
 

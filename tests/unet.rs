@@ -469,20 +469,127 @@ fn central_cells_do_not_need_their_windows() {
     }
 }
 
-/// The second device and burn's own operations on the first are two witnesses for our kernels.
-#[cfg(feature = "ndarray")]
-#[test]
-fn ndarray_and_flex_learn_the_same() {
-    let tiles = tiles(16, 1);
-    let run = |compute: &Compute| {
-        let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), compute, 7).expect("in range");
-        (epochs(&mut trainer, 1).remove(0), trainer.state())
-    };
-    let (metrics, state) = run(&Compute::new(DeviceName::Ndarray, None).expect("a feature of this build"));
-    let (own_metrics, own_state) = run(&Compute::new(DeviceName::Flex, None).expect("everywhere"));
-    assert!((metrics.loss - own_metrics.loss).abs() < 1e-5 * metrics.loss);
-    for (name, array) in &state.model {
-        let differences = array.values.iter().zip(&own_state.model[name].values).map(|(a, b)| (a - b).abs());
-        assert!(differences.fold(0.0, f32::max) < 1e-4, "{name}");
+/// A device that is not the processor with our kernels, and burn's own operations on the processor, are two witnesses for them.
+#[cfg(any(feature = "ndarray", feature = "wgpu", feature = "cuda"))]
+mod other_devices {
+    use super::*;
+
+    /// Returns those that this build has, if they are there.
+    fn others() -> Vec<Compute> {
+        let built = [
+            (DeviceName::Ndarray, cfg!(feature = "ndarray")),
+            (DeviceName::Wgpu, cfg!(feature = "wgpu")),
+            (DeviceName::Cuda, cfg!(feature = "cuda")),
+        ];
+        let built = built.into_iter().filter_map(|(name, built)| built.then_some(name));
+        built.filter_map(|name| Compute::new(name, None).map_err(skip).ok()).collect()
+    }
+
+    fn skip(error: UnetError) {
+        assert!(matches!(error, UnetError::MissingGpu { .. }), "{error}");
+        Need::Gpu.missing(&error.to_string());
+    }
+
+    /// Adam's first step is as long as the learning rate, whatever the gradient's size: where that is no more than rounding, two
+    /// devices go different ways, and only there.
+    fn assert_close(found: &Arrays, expected: &Arrays, what: &Compute) {
+        for (name, array) in found {
+            let differences = array.values.iter().zip(&expected[name].values).map(|(a, b)| f64::from((a - b).abs()));
+            let mean = differences.sum::<f64>() / array.values.len() as f64;
+            assert!(mean < 0.01 * config().learning_rate, "{what}: {name} is {mean} off on average");
+        }
+    }
+
+    #[test]
+    fn they_learn_what_flex_learns() {
+        let classes = tiles(16, 1);
+        let ranks = ranked(&classes, true);
+        for (tiles, weights) in [(&classes, &WEIGHTS[..]), (&ranks, &[])] {
+            let run = |compute: &Compute| {
+                let mut trainer = Trainer::new(tiles, weights, &config(), compute, 7).expect("in range");
+                (epochs(&mut trainer, 1).remove(0), trainer.state())
+            };
+            let (expected, own_state) = run(&Compute::new(DeviceName::Flex, None).expect("everywhere"));
+            let (plain_metrics, plain_state) = run(&plain());
+            for compute in others() {
+                let (metrics, state) = run(&compute);
+                assert!((metrics.loss - expected.loss).abs() < 1e-5 * expected.loss, "{compute}");
+                assert!((metrics.loss - plain_metrics.loss).abs() < 1e-5 * expected.loss, "{compute}");
+                assert_close(&state.model, &own_state.model, &compute);
+                assert_close(&state.model, &plain_state.model, &compute);
+            }
+        }
+    }
+
+    /// After some epochs rounding has led them apart, but not far; and what they say they say again, to the bit.
+    #[test]
+    fn they_go_on_as_flex_does_and_as_they_did() {
+        let tiles = tiles(16, 2);
+        let run = |compute: &Compute| {
+            let mut trainer = Trainer::new(&tiles, &WEIGHTS, &config(), compute, 7).expect("in range");
+            (epochs(&mut trainer, 8), trainer.state())
+        };
+        let (expected, _) = run(&plain());
+        for compute in others() {
+            let (metrics, state) = run(&compute);
+            assert!(metrics[7].loss < 0.8 * metrics[0].loss, "{compute}: {} {}", metrics[0].loss, metrics[7].loss);
+            for (found, expected) in metrics.iter().zip(&expected) {
+                assert!((found.loss - expected.loss).abs() < 0.01 * expected.loss, "{compute}: {found:?} {expected:?}");
+            }
+            let (again, same) = run(&compute);
+            assert!(metrics == again && bits(&state) == bits(&same), "{compute}");
+            let half = Trainer::new(&tiles, &WEIGHTS, &config(), &compute, 7).map(|mut trainer| {
+                epochs(&mut trainer, 4);
+                trainer.state()
+            });
+            let half = half.expect("in range");
+            let mut resumed = Trainer::resume(&tiles, &WEIGHTS, &config(), &compute, 7, &half).expect("it fits");
+            assert!(epochs(&mut resumed, 4) == metrics[4..] && bits(&resumed.state()) == bits(&state), "{compute}");
+        }
+    }
+
+    /// Windows in more than one batch, and an image that is a batch of its own.
+    #[test]
+    fn they_predict_what_flex_predicts() {
+        let flex = Compute::new(DeviceName::Flex, None).expect("everywhere");
+        let tiles = ranked(&tiles(16, 4), true);
+        let mut trainer = Trainer::new(&tiles, &[], &config(), &flex, 7).expect("in range");
+        epochs(&mut trainer, 3);
+        let (model, outputs) = (trainer.state().model, Outputs::Ranks { density: true, flow: false });
+        let network =
+            |compute: &Compute| Network::new(&Architecture::paper(), &[], outputs, &model, compute).expect("complete");
+        let mut stream = Stream::new(6, &[0; 32], 0, "test/map");
+        for (rows, cols, n) in [(64, 64, 19), (288, 304, 2)] {
+            let images: Vec<u8> = (0..n * rows * cols).map(|_| u8::from(stream.unit() > 0.3)).collect();
+            let said = |compute: &Compute| {
+                let mut out = vec![0.0; images.len() * 2];
+                network(compute).predict(&images, rows, cols, n, &mut out);
+                out
+            };
+            let expected = said(&flex);
+            for compute in others() {
+                let found = said(&compute);
+                let differences = found.iter().zip(&expected).map(|(a, b)| (a - b).abs() / b.max(1.0));
+                let furthest = differences.fold(0.0, f32::max);
+                assert!(furthest < 1e-4, "{compute}: {furthest} off");
+                assert!(found == said(&compute), "{compute} says something else the second time");
+            }
+        }
+    }
+
+    /// Several maps are annotated at once.
+    #[test]
+    fn they_work_for_several_threads_at_once() {
+        for compute in others() {
+            let network = trained(&compute);
+            let mut stream = Stream::new(10, &[0; 32], 0, "test/map");
+            let images: Vec<u8> = (0..64 * 64).map(|_| u8::from(stream.unit() > 0.3)).collect();
+            let expected = network.predict_windows(&images, 64, 1);
+            std::thread::scope(|scope| {
+                for _ in 0..4 {
+                    scope.spawn(|| assert!(network.predict_windows(&images, 64, 1) == expected, "{compute}"));
+                }
+            });
+        }
     }
 }

@@ -49,6 +49,8 @@ pub enum UnetError {
     MissingSimd(&'static str),
     #[error("this build has no device `{0}`: build it with `--features {0}`")]
     MissingDevice(&'static str),
+    #[error("`{device}` finds no GPU: {reason}")]
+    MissingGpu { device: &'static str, reason: String },
     #[error("the checkpoint has no `{0}`")]
     MissingArray(String),
     #[error("`{name}` of the checkpoint is of shape {found:?} instead of {expected:?}")]
