@@ -5,6 +5,7 @@
 
 mod commands;
 mod maps;
+mod plan_path;
 mod requests;
 mod runs;
 mod shows;

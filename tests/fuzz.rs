@@ -258,6 +258,7 @@ targets! {
     nav_episodes "NavEpisodes",
     class_scores "ClassScores",
     social_costs "SocialCosts",
+    path_trials "PathTrials",
     tables "table",
     checkpoint "checkpoint",
 }

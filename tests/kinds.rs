@@ -67,6 +67,7 @@ fn every_kind_comes_back() {
     check(&store, &ClassScores { floor: None, ..samples::scores() });
     check(&store, &samples::floor_only());
     check(&store, &samples::costs());
+    check(&store, &samples::path_trials());
     check(&store, &samples::checkpoint());
 }
 

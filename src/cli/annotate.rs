@@ -172,6 +172,15 @@ impl Args {
     }
 }
 
+/// Lets the model that trodden brings tell, as `annotate` does where nothing else is asked for, with a bar.
+pub(super) fn predict_by_default(map: &OccupancyMap, screen: &Screen) -> Result<Heat, CliError> {
+    let mut config = AnnotateConfig::default();
+    if let Mode::Dense { offsets, .. } = &mut config.mode {
+        *offsets = RANKS_OFFSETS;
+    }
+    predict(map, &Model::shipped(), &config, screen)
+}
+
 /// Lets a model tell, with a bar.
 fn predict(map: &OccupancyMap, model: &Model, config: &AnnotateConfig, screen: &Screen) -> Result<Heat, CliError> {
     let compute = compute::open(config.device)?;

@@ -20,6 +20,7 @@ mod model_files;
 mod out_folder;
 mod paths;
 mod plan;
+mod plan_path;
 mod report;
 mod request;
 mod run;
@@ -109,6 +110,8 @@ enum Command {
     Annotate(annotate::Args),
     /// Simulate people on a map of your own, without a pipeline.
     Simulate(simulate::Args),
+    /// Plan a path on a map of your own that stays out of people's way.
+    PlanPath(plan_path::Args),
     /// Write what the store holds in the form that others take.
     Export(export::Args),
     /// Print completions for a shell.
@@ -174,6 +177,7 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Init(args) => args.run(screen),
         Command::Annotate(args) => args.run(store, screen),
         Command::Simulate(args) => args.run(store, screen),
+        Command::PlanPath(args) => args.run(store, screen),
         Command::Export(args) => args.run(screen),
         Command::Completions(args) => args.run(&mut Cli::command(), screen),
     }

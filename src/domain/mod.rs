@@ -11,6 +11,7 @@ pub mod map;
 pub mod masks;
 pub mod orca;
 pub mod planes;
+pub mod planner;
 pub mod quantize;
 pub mod random;
 pub mod rank;

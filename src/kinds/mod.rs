@@ -12,6 +12,7 @@ mod model;
 mod nav_episodes;
 mod occupancy;
 pub mod parquet;
+mod path_trials;
 mod raster;
 mod scores;
 mod social;

@@ -9,6 +9,7 @@ use super::colors::{self, Rgb};
 
 pub use super::axis::Scale;
 pub use super::shown::{Shown, heat_picture};
+pub use super::tracks::planned_path;
 
 /// A picture, cell by cell.
 #[derive(Debug, Clone, PartialEq)]

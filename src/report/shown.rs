@@ -5,6 +5,7 @@ use polars::prelude::DataFrame;
 use crate::domain::crowd::Summary;
 use crate::domain::geometry::{Cell, Frame, Grid};
 use crate::domain::map::OccupancyMap;
+use crate::domain::planner::{Chooser, Trials, savings};
 use crate::domain::quantize::{ClassCounts, Labels, OBSTACLE, UNLABELED, class_weights};
 use crate::domain::raster::VisitCounts;
 use crate::domain::score::{ClassScores, Measure};
@@ -52,6 +53,7 @@ impl Shown {
             "Checkpoint" => Self::checkpoint(store, artifact),
             "ClassScores" => Self::with_table(store, artifact, class_scores(&Kind::read(store, artifact)?)),
             "SocialCosts" => Self::with_table(store, artifact, social_costs(&Kind::read(store, artifact)?)),
+            "PathTrials" => Self::with_table(store, artifact, path_trials(&Kind::read(store, artifact)?)),
             _ => Err(ReportError::UnknownKind { kind: kind.to_owned() }),
         }
     }
@@ -372,6 +374,39 @@ fn social_costs(costs: &SocialCosts) -> Vec<(String, String)> {
         facts.extend(costs.ahead.map(|ahead| (name("Spearman ahead of constant"), with_interval(Some(ahead), figure))));
         facts.extend(costs.size.map(|size| (name("true / expected cost"), with_interval(Some(size.slope), figure))));
         facts.extend(costs.size.map(|size| (name("error of its size"), with_interval(Some(size.error), percent))));
+    }
+    facts
+}
+
+fn path_trials(placed: &Placed<Trials>) -> Vec<(String, String)> {
+    let trials = &placed.value.trials;
+    let last = trials.last().map_or((0, 0), |trial| (trial.pair + 1, trial.episode + 1));
+    let mut facts = place(&placed.frame);
+    facts.push(fact("pairs of places", format!("{}, {} trips on each path", last.0, last.1)));
+    let all = savings(&placed.value, false);
+    let worth = savings(&placed.value, true);
+    if let Some(shortest) = all.first() {
+        let [seconds, waiting, closest, close, _] = shortest.means;
+        let told = format!(
+            "{seconds:.1} s to arrive, {waiting:.1} s of waiting, {closest:.2} m at the closest, {} of the time within 0.5 m",
+            percent(Some(close))
+        );
+        facts.push(fact("shortest paths", told));
+    }
+    let around = worth.first().map_or(0, |worth| worth.pairs);
+    facts.push(fact("a way around people", format!("between {around} of {} pairs", last.0)));
+    for (which, savings) in [("all pairs", &all), ("a way around", &worth)] {
+        for saving in savings.iter().filter(|saving| saving.chooser != Chooser::Shortest && saving.pairs > 0) {
+            let [seconds, waiting, closest, close, _] = saving.means;
+            let told = format!(
+                "saves {} of the social cost, {} longer, {seconds:.1} s to arrive, {waiting:.1} s of waiting, {closest:.2} m at \
+                 the closest, {} of the time within 0.5 m",
+                with_interval(Some(saving.cost), percent),
+                with_interval(Some(saving.longer), percent),
+                percent(Some(close)),
+            );
+            facts.push((format!("{}, {which}", saving.chooser.name()), told));
+        }
     }
     facts
 }

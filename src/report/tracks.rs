@@ -110,6 +110,30 @@ pub fn episodes(frame: &Frame, episodes: &NavEpisodes, map: Option<&OccupancyMap
     Picture::painted(Some(fine), pixels, legend)
 }
 
+/// Draws the shortest path and the planned one, in the local frame, over a heat from 0 to 1 on the free floor, with a dot where
+/// they begin.
+#[must_use]
+pub fn planned_path(frame: &Frame, heat: &Grid<f32>, free: &Grid<bool>, paths: [&[Point]; 2]) -> Picture {
+    let fine = finer(frame);
+    let factor = fine.rows / frame.rows;
+    let mut pixels = Grid::from_fn(fine.rows, fine.cols, |pixel| {
+        let cell = Cell::new(pixel.row / factor, pixel.col / factor);
+        if free[cell] { colors::mix(colors::value(f64::from(heat[cell])), colors::PAPER, 0.55) } else { colors::WALL }
+    });
+    let kinds = [("shortest path", colors::PEDESTRIAN), ("planned path", colors::ROBOT)];
+    for (points, (_, color)) in paths.iter().zip(kinds) {
+        for pair in points.windows(2) {
+            line(&fine, pair[0], pair[1], |cell| brush(&mut pixels, cell, color, 1.0, factor.max(1)));
+        }
+        if let Some(start) = points.first() {
+            dot(&mut pixels, &fine, *start, 0.15);
+        }
+    }
+    let mut legend = kinds.map(|(name, color)| (name.to_owned(), color)).to_vec();
+    legend.push(("blocked".to_owned(), colors::WALL));
+    Picture::painted(Some(fine), pixels, legend)
+}
+
 /// Colors a pixel and its neighbors to the right and below within `reach`.
 fn brush(pixels: &mut Grid<Rgb>, cell: Cell, color: Rgb, share: f64, reach: usize) {
     for row in cell.row..=(cell.row + reach).min(pixels.rows() - 1) {

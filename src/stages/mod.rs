@@ -20,6 +20,7 @@ pub mod isovist;
 pub mod map_origin;
 pub mod maps;
 pub mod navigate;
+pub mod plan_paths;
 pub mod quantize;
 pub mod rank;
 pub mod rasterize;
@@ -55,6 +56,7 @@ pub const REGISTER: Register = Register {
         score::Score::ENTRY,
         navigate::Navigate::ENTRY,
         cost::Cost::ENTRY,
+        plan_paths::PlanPaths::ENTRY,
     ],
     maps: maps::SOURCES,
 };

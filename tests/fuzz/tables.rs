@@ -32,6 +32,7 @@ pub fn target(name: &str) -> Option<Target> {
         "NavEpisodes" => kind("NavEpisodes", &samples::trips()),
         "ClassScores" => kind("ClassScores", &samples::scores()),
         "SocialCosts" => kind("SocialCosts", &samples::costs()),
+        "PathTrials" => kind("PathTrials", &samples::path_trials()),
         "Trajectories" => Target::new("Trajectories", vec![walks()], parquet_file, |input| {
             let Ok(reader) = TrackReader::open(input.to_vec()) else { return false };
             // It stops at what is wrong, as its readers do.

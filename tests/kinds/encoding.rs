@@ -32,6 +32,7 @@ fn bytes_are_a_function_of_the_value() {
         single(&samples::trips()),
         single(&samples::scores()),
         single(&samples::costs()),
+        single(&samples::path_trials()),
     ];
     let bundle = samples::checkpoint().to_files().expect("encoded");
     files.extend(bundle.into_iter().map(|(name, bytes)| (format!("Checkpoint 1 {name}"), bytes)));
@@ -51,6 +52,7 @@ fn bytes_are_a_function_of_the_value() {
             "NavEpisodes 2 4de0c2097ea3d8c0",
             "ClassScores 4 f8fefe8284ac0fe3",
             "SocialCosts 3 09cb5b1702ab991b",
+            "PathTrials 1 7f50e4fdbeb16ef1",
             "Checkpoint 1 config.json 92c5b34320f9facc",
             "Checkpoint 1 metrics.parquet 0bac909c836a541d",
             "Checkpoint 1 model.safetensors 8dfb677edd4b761f",

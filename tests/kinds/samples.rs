@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use trodden::domain::geometry::{Cell, Frame, Grid, Point};
 use trodden::domain::map::{Observed, OccupancyMap};
 use trodden::domain::planes::Plane;
+use trodden::domain::planner::{Chooser, Outcome, PathTrial, Trials};
 use trodden::domain::quantize::{ClassCounts, Labels};
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::score::{ClassScores, Confusion, Estimate, FloorScores};
@@ -169,6 +170,29 @@ pub fn costs() -> SocialCosts {
         size: (by > 1.0).then(|| SizeFit { slope: estimate(17.5), error: estimate(2.5) }),
     };
     SocialCosts { predictors: vec![costs(Predictor::Model, 1.0), costs(Predictor::Oracle, 2.0)] }
+}
+
+pub fn path_trials() -> Placed<Trials> {
+    let trial = |pair: u32, chooser: Chooser, episode: u32| PathTrial {
+        pair,
+        chooser,
+        episode,
+        ends: [Point::new(-1.25, 0.5 + f64::from(pair)), Point::new(2.5, 1.75)],
+        lambda: if chooser == Chooser::Model { 0.125 } else { 0.0 },
+        length: 4.5 + f64::from(pair),
+        expected: 3.25,
+        outcome: Outcome {
+            cost: 2.5 + 0.25 * f64::from(episode),
+            seconds: 7.5,
+            waiting: 0.5,
+            closest: 0.75,
+            close: 0.125,
+            has_arrived: episode == 0,
+        },
+    };
+    let choosers = [Chooser::Shortest, Chooser::Model];
+    let trials = (0..2).flat_map(|pair| choosers.map(|chooser| [0, 1].map(|episode| trial(pair, chooser, episode))));
+    Placed::new(frame(), Trials { trials: trials.flatten().collect() })
 }
 
 pub fn checkpoint() -> Checkpoint {

@@ -286,6 +286,8 @@ fn output_changes_only_with_a_version() {
         bench.check("score", json!({ "cells": cells }), Part::Whole, &ports);
     }
     bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &walls), ("visits", &visits)]);
+    let planned = crowd(json!({ "pairs": 2, "least": 1, "episodes": 2, "warmup": 2 }));
+    bench.check("plan-paths", planned, Part::Whole, &[("map", &map), ("heat", &heat), ("steps", &visits)]);
     let guesses = [
         ("wall-distance", json!({})),
         ("uniform", json!({})),
@@ -320,6 +322,7 @@ fn output_changes_only_with_a_version() {
         "score 4 5f713bb00833299d",
         "score 4 d33dfa3850289abb",
         "cost 3 c66d2b415525f89a",
+        "plan-paths 1 b96dd1eb63d63bb9",
         "wall-distance 1 63e44d4938f0ad51",
         "uniform 1 c600cd2330f318eb",
         "betweenness 1 ba8e7e4e140817e9",

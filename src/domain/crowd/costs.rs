@@ -9,7 +9,7 @@
 //! [`variety_scale`](CrowdConfig::variety_scale), at which distance its correlation is down to about 1/e. A path's field
 //! is the torus shifted at random: that takes two numbers, and no place on the map is dearer than another on average.
 
-use crate::domain::geometry::{Cell, Frame, Grid, Point};
+use crate::domain::geometry::{Cell, Grid};
 use crate::domain::random::Stream;
 
 use super::config::CrowdConfig;
@@ -98,26 +98,6 @@ impl Toll for Tasted<'_> {
     }
 }
 
-impl Tasted<'_> {
-    /// Returns the cost of a straight line, in costs of cells times meters: a sum over points about a cell apart.
-    #[must_use]
-    pub fn along(&self, frame: &Frame, a: Point, b: Point) -> f64 {
-        let length = a.distance(b);
-        let points = (length / frame.resolution) as usize + 1;
-        // In cells from the upper left corner; casts round towards zero, and what lies outside of the grid is put at its rim.
-        let inverse = 1.0 / frame.resolution;
-        let start = Point::new(a.x * inverse, frame.rows as f64 - a.y * inverse);
-        let step = Point::new(b.x - a.x, a.y - b.y) * (inverse / points as f64);
-        let mut sum = 0;
-        for i in 0..points {
-            let point = start + step * (i as f64 + 0.5);
-            let (row, col) = (point.y.max(0.0) as usize, point.x.max(0.0) as usize);
-            sum += u32::from(self.cost(Cell::new(row.min(frame.rows - 1), col.min(frame.cols - 1))));
-        }
-        f64::from(sum) * length / points as f64
-    }
-}
-
 /// Returns how many times as much as far from walls a meter costs at a clearance in meters.
 #[must_use]
 pub fn clearance_factor(config: &CrowdConfig, clearance: f64) -> f64 {
@@ -182,6 +162,7 @@ fn averaged_along_columns(field: &Grid<f64>, edge: usize) -> Grid<f64> {
 mod tests {
     use super::*;
     use crate::domain::crowd::plans::plan;
+    use crate::domain::geometry::Point;
 
     fn comfortable() -> CrowdConfig {
         CrowdConfig { clearance_cost: 3.0, variety: 1.0, ..CrowdConfig::default() }

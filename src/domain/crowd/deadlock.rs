@@ -68,7 +68,7 @@ pub struct Given {
 }
 
 /// The working memory of giving way.
-#[derive(Debug, Default)]
+#[derive(Debug, Clone, Default)]
 pub struct Yielding {
     given: Given,
     /// Searches that are left in this step.

@@ -89,7 +89,7 @@ impl Source<'_> {
 }
 
 /// Agents that get a new goal whenever they arrive, and the record of where they were.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Wanderers<'s> {
     pub crowd: Crowd<'s>,
     goals: Vec<Stream>,

@@ -12,7 +12,7 @@ use super::search::Search;
 use super::walker::Walker;
 
 /// Agents among the walls of a scene. An agent has the same index as walker and in the simulation.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Floor<'s> {
     /// The map and everything derived from it.
     pub scene: &'s Scene,

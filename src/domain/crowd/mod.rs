@@ -22,12 +22,14 @@ mod floor;
 mod gates;
 mod navigation;
 mod places;
+mod planned;
 #[cfg(test)]
 mod plans;
 mod routes;
 mod scene;
 mod search;
 mod space;
+mod trip;
 mod walker;
 mod walkers;
 
@@ -35,8 +37,10 @@ pub use config::{CrowdConfig, CrowdFields, MOST_WALKERS, Preset, Speed, SpeedFie
 pub use costs::{clearance_factor, variety};
 pub use episode::{Episode, Summary};
 pub use navigation::{FEWEST_PEDESTRIANS, NavConfig, NavEpisode, Robot};
+pub use planned::Planner;
 pub use routes::Route;
 pub use scene::Scene;
+pub use trip::{Trip, TripConfig};
 pub use walkers::{Crowd, Status, Tally};
 
 use super::orca::OrcaError;

@@ -5,7 +5,7 @@ use crate::domain::links::Links;
 use crate::domain::random::Stream;
 
 use super::config::CrowdConfig;
-use super::costs::{Costs, Taste};
+use super::costs::{Costs, Taste, Tasted};
 use super::search::{Length, Search, Toll};
 use super::space::FreeSpace;
 
@@ -20,6 +20,8 @@ pub struct Route {
     arcs: Vec<f64>,
     /// To whose taste it is the cheapest; `None` where it is the shortest.
     taste: Option<Taste>,
+    /// Whether it is kept to, bend by bend, where a shorter way is in sight.
+    is_kept: bool,
 }
 
 impl Route {
@@ -36,13 +38,25 @@ impl Route {
             length += pair[0].distance(pair[1]);
             arcs.push(length);
         }
-        Self { points, arcs, taste: None }
+        Self { points, arcs, taste: None, is_kept: false }
     }
 
     /// Returns to whose taste the route is the cheapest; `None` where it is the shortest.
     #[must_use]
     pub(super) const fn taste(&self) -> Option<Taste> {
         self.taste
+    }
+
+    /// Returns the same route, to be kept to bend by bend: who has planned it knows why it does not lead straight on.
+    #[must_use]
+    pub fn kept(self) -> Self {
+        Self { is_kept: true, ..self }
+    }
+
+    /// Tells whether it is kept to.
+    #[must_use]
+    pub(super) const fn is_kept(&self) -> bool {
+        self.is_kept
     }
 
     /// Returns the points.
@@ -133,11 +147,35 @@ impl Router {
             return None;
         }
         // From the goal to the start, so that the trace runs from the start to the goal.
-        let cells = match (taste, &self.costs) {
-            (Some(taste), Some(costs)) => self.way(search, &costs.to(taste), [last, first], enter)?,
-            _ => self.way(search, &Length, [last, first], enter)?,
+        let points = match self.to(taste) {
+            Some(toll) => straightened(space, Some(&toll), ends, &self.way(search, &toll, [last, first], enter)?),
+            None => straightened::<Length>(space, None, ends, &self.way(search, &Length, [last, first], enter)?),
         };
-        Some(self.straightened(space, taste, ends, &cells))
+        Some(Route { taste, ..Route::new(points) })
+    }
+
+    /// Finds the way between two points, `from` first, that costs least by a toll, straightened where that makes it no dearer.
+    ///
+    /// `None` as with [`route`](Self::route).
+    pub fn cheapest(
+        &self,
+        space: &FreeSpace,
+        search: &mut Search,
+        toll: &impl Toll,
+        ends: [Point; 2],
+    ) -> Option<Route> {
+        let [first, last] = ends.map(|end| space.open_near(end));
+        let (first, last) = (first?, last?);
+        if space.regions()[first] != space.regions()[last] {
+            return None;
+        }
+        let cells = self.way(search, toll, [last, first], |_| true)?;
+        Some(Route::new(straightened(space, Some(toll), ends, &cells)))
+    }
+
+    /// Returns what cells cost to a taste.
+    fn to(&self, taste: Option<Taste>) -> Option<Tasted<'_>> {
+        Some(self.costs.as_ref()?.to(taste?))
     }
 
     /// Finds a cheapest way over cells and returns it from its end to its start.
@@ -180,7 +218,7 @@ impl Router {
         let mut cells = search.trace(&self.links, found, start);
         cells.reverse();
         let to = space.map().frame().center(found);
-        Some(self.straightened(space, None, [from, to], &cells))
+        Some(Route::new(straightened::<Length>(space, None, [from, to], &cells)))
     }
 
     /// Returns the open cell that is the farthest on foot from a cell, and the length of the way there in meters.
@@ -196,60 +234,64 @@ impl Router {
 
     /// Tells whether those of a taste who are at the first of three points may go straight to the last, which is in sight,
     /// rather than by way of the second: without a taste always, else if that is no dearer.
-    pub fn is_shortcut(&self, space: &FreeSpace, taste: Option<Taste>, [from, via, to]: [Point; 3]) -> bool {
-        let (Some(taste), Some(costs)) = (taste, &self.costs) else { return true };
-        let (frame, costs) = (space.map().frame(), costs.to(taste));
-        let around = costs.along(frame, from, via) + costs.along(frame, via, to);
-        costs.along(frame, from, to) <= around * (1.0 + TOLERANCE)
+    pub fn is_shortcut(&self, space: &FreeSpace, taste: Option<Taste>, three: [Point; 3]) -> bool {
+        is_no_dearer(space, self.to(taste).as_ref(), three)
     }
+}
 
-    /// Straightens a chain of cells: from each bend on to the furthest cell that is seen without a break, and where there
-    /// is a taste that it is no dearer to go straight to.
-    fn straightened(&self, space: &FreeSpace, taste: Option<Taste>, [from, to]: [Point; 2], cells: &[Cell]) -> Route {
-        let frame = space.map().frame();
-        let costs = taste.and_then(|taste| Some(self.costs.as_ref()?.to(taste)));
-        let along = |a: Point, b: Point| costs.map_or(0.0, |costs| costs.along(frame, a, b));
-        let center = |i: usize| frame.center(cells[i]);
-        let last = cells.len() - 1;
-        let mut points = vec![from];
-        let mut at = 0;
-        let mut eye = center(0);
-        while at < last {
-            let mut next = at + 1;
-            let mut cost = along(eye, center(next));
-            while next < last && space.sees(eye, center(next + 1)) {
-                cost += along(center(next), center(next + 1));
-                if along(eye, center(next + 1)) > cost * (1.0 + TOLERANCE) {
-                    break;
-                }
-                next += 1;
-            }
-            at = next;
-            eye = center(at);
-            points.push(eye);
-        }
-        // The goal is in or beside the last cell.
-        if points.len() > 1 {
-            points.pop();
-        }
-        points.push(to);
-        Route { taste, ..Route::new(self.shortened(space, taste, points)) }
-    }
+/// Tells whether it is no dearer to go straight from the first of three points to the last; without a toll it never is.
+fn is_no_dearer(space: &FreeSpace, toll: Option<&impl Toll>, [from, via, to]: [Point; 3]) -> bool {
+    let Some(toll) = toll else { return true };
+    let frame = space.map().frame();
+    let around = toll.along(frame, from, via) + toll.along(frame, via, to);
+    toll.along(frame, from, to) <= around * (1.0 + TOLERANCE)
+}
 
-    /// Drops bends that are not needed: those whose neighbors see each other, if it is no dearer without.
-    fn shortened(&self, space: &FreeSpace, taste: Option<Taste>, mut points: Vec<Point>) -> Vec<Point> {
-        let mut i = 1;
-        while i + 1 < points.len() {
-            let three = [points[i - 1], points[i], points[i + 1]];
-            if space.sees(three[0], three[2]) && self.is_shortcut(space, taste, three) {
-                points.remove(i);
-                i = i.saturating_sub(1).max(1);
-            } else {
-                i += 1;
+/// Straightens a chain of cells: from each bend on to the furthest cell that is seen without a break, and where there
+/// is a toll that it is no dearer to go straight to.
+fn straightened<T: Toll>(space: &FreeSpace, toll: Option<&T>, [from, to]: [Point; 2], cells: &[Cell]) -> Vec<Point> {
+    let frame = space.map().frame();
+    let along = |a: Point, b: Point| toll.map_or(0.0, |toll| toll.along(frame, a, b));
+    let center = |i: usize| frame.center(cells[i]);
+    let last = cells.len() - 1;
+    let mut points = vec![from];
+    let mut at = 0;
+    let mut eye = center(0);
+    while at < last {
+        let mut next = at + 1;
+        let mut cost = along(eye, center(next));
+        while next < last && space.sees(eye, center(next + 1)) {
+            cost += along(center(next), center(next + 1));
+            if along(eye, center(next + 1)) > cost * (1.0 + TOLERANCE) {
+                break;
             }
+            next += 1;
         }
-        points
+        at = next;
+        eye = center(at);
+        points.push(eye);
     }
+    // The goal is in or beside the last cell.
+    if points.len() > 1 {
+        points.pop();
+    }
+    points.push(to);
+    shortened(space, toll, points)
+}
+
+/// Drops bends that are not needed: those whose neighbors see each other, if it is no dearer without.
+fn shortened(space: &FreeSpace, toll: Option<&impl Toll>, mut points: Vec<Point>) -> Vec<Point> {
+    let mut i = 1;
+    while i + 1 < points.len() {
+        let three = [points[i - 1], points[i], points[i + 1]];
+        if space.sees(three[0], three[2]) && is_no_dearer(space, toll, three) {
+            points.remove(i);
+            i = i.saturating_sub(1).max(1);
+        } else {
+            i += 1;
+        }
+    }
+    points
 }
 
 #[cfg(test)]

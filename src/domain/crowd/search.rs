@@ -1,6 +1,6 @@
 //! Cheapest ways over the open cells of a grid: A\* with buckets, in whole numbers.
 
-use crate::domain::geometry::Cell;
+use crate::domain::geometry::{Cell, Frame, Point};
 use crate::domain::links::{self, Links};
 
 /// What steps cost: the length of the step times the cost of the cell that it leads onto.
@@ -20,6 +20,23 @@ pub trait Toll {
         let (dx, dy) = (from.col.abs_diff(to.col) as u32, from.row.abs_diff(to.row) as u32);
         let (short, long) = (dx.min(dy), dx.max(dy));
         short * diagonal + (long - short) * straight
+    }
+
+    /// Returns the cost of a straight line, in costs of cells times meters: a sum over points about a cell apart.
+    fn along(&self, frame: &Frame, a: Point, b: Point) -> f64 {
+        let length = a.distance(b);
+        let points = (length / frame.resolution) as usize + 1;
+        // In cells from the upper left corner; casts round towards zero, and what lies outside of the grid is put at its rim.
+        let inverse = 1.0 / frame.resolution;
+        let start = Point::new(a.x * inverse, frame.rows as f64 - a.y * inverse);
+        let step = Point::new(b.x - a.x, a.y - b.y) * (inverse / points as f64);
+        let mut sum = 0;
+        for i in 0..points {
+            let point = start + step * (i as f64 + 0.5);
+            let (row, col) = (point.y.max(0.0) as usize, point.x.max(0.0) as usize);
+            sum += u32::from(self.cost(Cell::new(row.min(frame.rows - 1), col.min(frame.cols - 1))));
+        }
+        f64::from(sum) * length / points as f64
     }
 }
 

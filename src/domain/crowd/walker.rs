@@ -64,7 +64,7 @@ impl Line {
     ///
     /// Where the route is to somebody's taste, a point in sight is looked at only if it is no dearer to go straight there
     /// than by way of the point that was looked at before, or if that one is about reached: else whoever follows a route
-    /// that keeps off a corner would cut it.
+    /// that keeps off a corner would cut it. A route that is [kept](Route::kept) to is never cut.
     pub fn look(&mut self, scene: &Scene, position: Point) -> bool {
         let space = scene.space();
         let eye = space.eye(position);
@@ -104,8 +104,9 @@ impl Line {
     fn is_next(&self, scene: &Scene, eye: Point, arc: f64) -> bool {
         let (aim, next) = (self.aim(), self.route.at(arc));
         let is_near = eye.distance(aim) < ABOUT_REACHED;
+        let may_cut = !self.route.is_kept();
         scene.space().sees(eye, next)
-            && (is_near || scene.router().is_shortcut(scene.space(), self.route.taste(), [eye, aim, next]))
+            && (is_near || may_cut && scene.router().is_shortcut(scene.space(), self.route.taste(), [eye, aim, next]))
     }
 
     /// Returns the way ahead of `position` for at most `length` meters, as points from the position on.

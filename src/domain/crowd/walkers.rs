@@ -76,7 +76,7 @@ const INSISTENCE: f64 = 0.6;
 const TOLERATED: f64 = 0.01;
 
 /// Agents among the walls of a scene, each with a goal.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Crowd<'s> {
     floor: Floor<'s>,
     tally: Tally,

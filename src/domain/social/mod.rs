@@ -9,7 +9,7 @@ mod steps;
 pub use compare::{Draws, EpisodeCost, Pair, Predictor, PredictorCosts, SizeFit, SocialCosts, compare};
 pub use config::CostConfig;
 pub use error::SocialError;
-pub use predict::{density_costs, predicted_cost};
+pub use predict::{Expectation, density_costs, predicted_cost};
 pub use steps::{NavSteps, true_cost};
 
 use rayon::prelude::*;

@@ -54,6 +54,42 @@ pub fn density_costs(
     (prediction, expected)
 }
 
+/// What a step of a robot is expected to cost among people of whom their number and their density are known: the expected value
+/// of its part of eq. 2, as [`density_costs`] has it.
+pub struct Expectation<'a> {
+    discs: Discs<'a>,
+    /// People on the floor, and its cells.
+    people: f64,
+    free_cells: f64,
+}
+
+impl<'a> Expectation<'a> {
+    /// Takes the density of people relative to its mean over `free_cells` cells, and how many people there are.
+    ///
+    /// # Panics
+    /// If the density is not of the frame's size.
+    #[must_use]
+    pub fn new(
+        density: &'a Grid<f32>,
+        free_cells: usize,
+        people: f64,
+        frame: &'a Frame,
+        config: &'a CostConfig,
+    ) -> Self {
+        Self { discs: Discs::new(density, frame, config), people, free_cells: free_cells.max(1) as f64 }
+    }
+
+    /// Computes what a step costs at a point, in the local frame.
+    pub fn at(&mut self, robot: Point) -> f64 {
+        let disc = self.discs.around(robot);
+        if disc.heat <= 0.0 {
+            return 0.0;
+        }
+        let nobody = libm::pow(1.0 - (disc.heat / self.free_cells).min(1.0), self.people);
+        (1.0 - nobody) * disc.costs / disc.heat
+    }
+}
+
 /// What a heat sums to in the disc of radius δ around a robot.
 struct Disc {
     /// Heat times density of eq. 3.
@@ -160,6 +196,8 @@ mod tests {
         // Eq. 3 has the same probabilities of occupancy, and divides by the cells of the disc instead.
         let occupied = density.map(|density| density * 4.0 / 144.0);
         assert!((prediction - predicted_cost(&[robot], &occupied, &frame, &config)).abs() < 1e-8);
+        let at = Expectation::new(&density, 144, people as f64, &frame, &config).at(robot);
+        assert!((at - expected).abs() < 1e-12, "{at} {expected}");
     }
 
     /// Computes eq. 3 as it is written, on a lattice that goes far beyond the grid.

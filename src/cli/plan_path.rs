@@ -1,0 +1,272 @@
+//! `plan-path`: a path that stays out of people's way, without a pipeline.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::str::FromStr;
+
+use serde_json::json;
+
+use super::annotate::predict_by_default;
+use super::error::CliError;
+use super::import_args::{ImportArgs, said};
+use super::out_folder::OutFolder;
+use super::screen::Screen;
+use crate::domain::crowd::{CrowdConfig, FEWEST_PEDESTRIANS, Preset, Scene};
+use crate::domain::geometry::{Frame, Grid, Point};
+use crate::domain::map::{Imported, OccupancyMap};
+use crate::domain::planner::{Found, Path as Planned, SocialPlanner};
+use crate::domain::rank::relative_to_mean;
+use crate::domain::social::CostConfig;
+use crate::kinds::{Heat, Placed, SingleFile};
+use crate::pipeline::stage::Stage;
+use crate::report::picture::{Scale, planned_path};
+use crate::report::png;
+use crate::store::read_bounded;
+
+/// The files that it writes.
+const CSV: &str = "path.csv";
+const GEOJSON: &str = "path.geojson";
+const PICTURE: &str = "path.png";
+
+/// The most bytes of a heat that is read.
+const MOST_BYTES: u64 = 4 << 30;
+
+/// Arguments of `plan-path`.
+#[derive(Debug, clap::Args)]
+#[command(
+    after_help = "It plans the path with the least expected social cost (equation 2 of the paper) of those that are at most a \
+tenth longer than the shortest one, and says so where none saves more than a quarter of that cost; then the shortest path is the one to take. \
+With --lambda the path has the least length + λ · expected social cost instead, however long it is.
+
+It writes `path.csv` (path, x, y, meters along it), `path.geojson` (two lines with their lengths and costs) and `path.png`, with \
+the shortest path beside the planned one. All coordinates are meters in the frame of the map.
+
+Examples:
+  trodden plan-path my_map.yaml --from 2.5,1 --to 14,8.5 --out path
+  trodden plan-path my_map.yaml --from 2.5,1 --to 14,8.5 --heat annotated/heat.parquet --people 12 --out path
+  trodden plan-path my_map.yaml --from 2.5,1 --to 14,8.5 --lambda 0.5 --out path"
+)]
+pub struct Args {
+    /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
+    map: PathBuf,
+    /// Where the robot is, as x,y in meters in the frame of the map.
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
+    from: Place,
+    /// Where it wants to go.
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
+    to: Place,
+    #[command(flatten)]
+    out: OutFolder,
+    /// A heat of this map, such as the `heat.parquet` that `annotate` or `simulate` writes [default: what the model that
+    /// trodden brings says].
+    #[arg(long, value_name = "FILE")]
+    heat: Option<PathBuf>,
+    /// How many people are in the building [default: 6.5, and in proportion more above 200 m²].
+    #[arg(long, value_name = "NUMBER")]
+    people: Option<f64>,
+    /// How much longer than the shortest path the path may be, as a share.
+    #[arg(long, value_name = "SHARE", default_value_t = 0.1, conflicts_with = "lambda")]
+    detour: f64,
+    /// Meters that a unit of social cost is worth.
+    #[arg(long, value_name = "METERS")]
+    lambda: Option<f64>,
+    /// Radius of the robot in meters.
+    #[arg(long, value_name = "METERS", default_value_t = 0.2)]
+    radius: f64,
+    /// Speed of the robot in m/s.
+    #[arg(long, value_name = "SPEED", default_value_t = 1.3)]
+    speed: f64,
+    #[command(flatten)]
+    import: ImportArgs,
+}
+
+/// A point in the frame of the map.
+#[derive(Debug, Clone, Copy)]
+struct Place(Point);
+
+impl FromStr for Place {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let number = |part: &str| part.trim().parse::<f64>().ok().filter(|number| number.is_finite());
+        let place = text.split_once(',').and_then(|(x, y)| Some(Self(Point::new(number(x)?, number(y)?))));
+        place.ok_or_else(|| "write two numbers with a comma between them, say `2.5,-1`".to_owned())
+    }
+}
+
+impl Args {
+    pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        self.check()?;
+        let import = self.import.importer(&self.map)?;
+        let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
+        inputs.extend(self.heat.clone());
+        self.out.check(&[CSV, GEOJSON, PICTURE], &inputs)?;
+        let Imported { map, survey } = import.import()?;
+        screen.remark(said(&survey));
+        let crowd = CrowdConfig { radius: self.radius, ..Preset::Comfortable.config() };
+        let crowd = CrowdConfig { speed: crate::domain::crowd::Speed { mean: self.speed, ..crowd.speed }, ..crowd };
+        let refused = |error: crate::domain::crowd::CrowdError| CliError::request(error.to_string());
+        let scene = Scene::new(&map, &crowd).map_err(refused)?;
+        let [from, to] = [("--from", self.from), ("--to", self.to)].map(|(name, place)| place.on(&map, &scene, name));
+        let ends = [from?, to?];
+        let heat = self.heat(&map, screen)?;
+        let density = match heat.density {
+            Some(density) => Some(density),
+            None => relative_to_mean(&heat.heat, map.free()),
+        };
+        let density = density.ok_or_else(|| CliError::request("the heat says that nobody is anywhere"))?;
+        let cost = CostConfig::default();
+        let people = self.people.unwrap_or_else(|| people(&map, &crowd));
+        let mut planner = SocialPlanner::new(&scene, &density, map.free(), people, &cost);
+        let found = match self.lambda {
+            None => planner.around(self.detour, ends),
+            Some(lambda) => {
+                planner.path(0.0, ends).zip(planner.path(lambda, ends)).map(|(shortest, best)| Found { shortest, best })
+            }
+        };
+        let Some(found) = found else {
+            let what = "no way leads from `--from` to `--to`";
+            return Err(CliError::advised(
+                what,
+                "see `heat.png` of `annotate` for what is one region, or try `--region all`",
+            ));
+        };
+        self.tell(&found, people, screen);
+        let heat_grid = heat.heat;
+        let is_worth_it = self.lambda.is_some() || found.is_worth_it();
+        let Found { shortest, best } = &found;
+        let planned = if is_worth_it { best } else { shortest };
+        let frame = map.frame();
+        let picture = draw(frame, &heat_grid, map.free(), [shortest, planned], &import.origin().map_name());
+        let files = [
+            (CSV, csv(frame, [shortest, planned]).into_bytes()),
+            (GEOJSON, geojson(frame, [shortest, planned]).into_bytes()),
+            (PICTURE, picture),
+        ];
+        self.out.write(&files, screen)?;
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn check(&self) -> Result<(), CliError> {
+        let ranges = [
+            ("--detour", Some(self.detour), 0.0, 10.0),
+            ("--lambda", self.lambda, 0.0, 1e6),
+            ("--people", self.people, 0.0, 1e5),
+            ("--radius", Some(self.radius), 0.05, 2.0),
+            ("--speed", Some(self.speed), 0.1, 10.0),
+        ];
+        for (name, value, low, high) in ranges {
+            if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
+                return Err(CliError::request(format!("`{name}` is {value}, allowed are {low} to {high}")));
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads the heat, or lets the model tell one.
+    fn heat(&self, map: &OccupancyMap, screen: &Screen) -> Result<Heat, CliError> {
+        let Some(path) = &self.heat else { return predict_by_default(map, screen) };
+        let failed = |source| CliError::File { action: "read", path: path.clone(), source };
+        let heat = Placed::<Heat>::from_bytes(read_bounded(path, MOST_BYTES).map_err(failed)?)?;
+        if heat.frame != *map.frame() {
+            let what = format!("`{}` does not lie on `{}` as it is read here", path.display(), self.map.display());
+            return Err(CliError::advised(what, "give the map and the options that the heat was made with"));
+        }
+        Ok(heat.value)
+    }
+
+    /// Says what was found.
+    fn tell(&self, found: &Found, people: f64, screen: &Screen) {
+        let told = |path: &Planned| format!("{:.1} m, expected social cost {:.2}", path.route.length(), path.cost);
+        screen.remark(format!("{people:.1} people are reckoned with"));
+        screen.remark(format!("shortest path: {}", told(&found.shortest)));
+        let longer = 100.0 * (found.best.route.length() / found.shortest.route.length() - 1.0);
+        let less = 100.0 * (1.0 - found.best.cost / found.shortest.cost.max(f64::MIN_POSITIVE));
+        let compared = format!("{longer:.1} % longer, {less:.0} % less social cost, λ = {:.3} m", found.best.lambda);
+        if self.lambda.is_some() || found.is_worth_it() {
+            screen.remark(format!("planned path: {} ({compared})", told(&found.best)));
+        } else {
+            let within = 100.0 * self.detour;
+            screen.remark(format!(
+                "there is no way around people within {within} % that is worth it (the best one: {compared}): the shortest path is planned"
+            ));
+        }
+    }
+}
+
+impl Place {
+    /// Returns the place in the local frame; refuses one where the robot does not fit.
+    fn on(self, map: &OccupancyMap, scene: &Scene, name: &str) -> Result<Point, CliError> {
+        let (frame, Self(place)) = (map.frame(), self);
+        let local = frame.to_local(place);
+        if crate::domain::crowd::Planner::new(scene).fits(local) {
+            return Ok(local);
+        }
+        let what = format!("the robot does not fit at `{name}` {},{}", place.x, place.y);
+        let corners = [(0, 0), (0, frame.cols), (frame.rows, 0), (frame.rows, frame.cols)].map(|(rows, cols)| {
+            frame.to_map(Point::new(cols as f64 * frame.resolution, rows as f64 * frame.resolution))
+        });
+        let range = |of: fn(&Point) -> f64| {
+            let values = corners.iter().map(of);
+            let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
+            format!("{low:.1} to {high:.1}")
+        };
+        let (x, y) = (range(|at| at.x), range(|at| at.y));
+        let advice = format!(
+            "choose a place on the free floor that is kept: x is {x}, y is {y} on this map (`--region` keeps other floors)"
+        );
+        Err(CliError::advised(what, advice))
+    }
+}
+
+/// Returns how many people there are on average where crowds of pipelines walk.
+fn people(map: &OccupancyMap, crowd: &CrowdConfig) -> f64 {
+    let [fewest, most] = crowd.agents_on(map.free_area()).map(|count| count.max(FEWEST_PEDESTRIANS));
+    0.5 * (fewest + most) as f64
+}
+
+const NAMES: [&str; 2] = ["shortest", "planned"];
+
+/// Writes both paths point by point.
+fn csv(frame: &Frame, paths: [&Planned; 2]) -> String {
+    let mut text = String::from("path,x,y,meters\n");
+    for (name, path) in NAMES.iter().zip(paths) {
+        let mut along = 0.0;
+        let points = path.route.points();
+        for (at, point) in points.iter().enumerate() {
+            along += if at > 0 { points[at - 1].distance(*point) } else { 0.0 };
+            let Point { x, y } = frame.to_map(*point);
+            let _ = writeln!(text, "{name},{x:.3},{y:.3},{along:.3}");
+        }
+    }
+    text
+}
+
+/// Writes both paths as lines; their coordinates are meters in the frame of the map and not degrees.
+fn geojson(frame: &Frame, paths: [&Planned; 2]) -> String {
+    let features: Vec<serde_json::Value> = NAMES
+        .iter()
+        .zip(paths)
+        .map(|(name, path)| {
+            let points = path.route.points().iter().map(|point| frame.to_map(*point));
+            let coordinates: Vec<[f64; 2]> = points.map(|at| [at.x, at.y].map(|c| (c * 1e3).round() / 1e3)).collect();
+            json!({
+                "type": "Feature",
+                "properties": {
+                    "name": name,
+                    "length_m": path.route.length(),
+                    "expected_social_cost": path.cost,
+                    "lambda_m": path.lambda,
+                },
+                "geometry": { "type": "LineString", "coordinates": coordinates },
+            })
+        })
+        .collect();
+    format!("{:#}\n", json!({ "type": "FeatureCollection", "features": features }))
+}
+
+/// Draws both paths over the heat.
+fn draw(frame: &Frame, heat: &Grid<f32>, free: &Grid<bool>, paths: [&Planned; 2], title: &str) -> Vec<u8> {
+    png::figure(&planned_path(frame, heat, free, paths.map(|path| path.route.points())), Scale::Linear, title)
+}
