@@ -243,6 +243,7 @@ macro_rules! targets {
 
 targets! {
     map_yaml "map-yaml",
+    building "building",
     pgm "pgm",
     png "png",
     jpeg "jpeg",

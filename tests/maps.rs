@@ -1,6 +1,7 @@
 //! Real maps, imported: the free areas and what an agent can reach, as the README beside them lists.
 
 mod cases;
+mod plans;
 mod texture;
 
 use std::path::Path;

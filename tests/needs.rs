@@ -13,6 +13,8 @@ pub enum Need {
     Oracle,
     /// Maps of others.
     Maps,
+    /// Floor plans of others.
+    Plans,
     /// People who were recorded.
     Tracks,
     /// Small inputs that went wrong once.
@@ -34,9 +36,10 @@ pub enum Need {
 }
 
 impl Need {
-    const ALL: [Self; 11] = [
+    const ALL: [Self; 12] = [
         Self::Oracle,
         Self::Maps,
+        Self::Plans,
         Self::Tracks,
         Self::Cases,
         Self::Python,
@@ -52,6 +55,7 @@ impl Need {
         match self {
             Self::Oracle => "oracle",
             Self::Maps => "maps",
+            Self::Plans => "plans",
             Self::Tracks => "tracks",
             Self::Cases => "cases",
             Self::Python => "python",
@@ -97,6 +101,7 @@ impl Need {
         let path = match self {
             Self::Oracle => "oracle/orca",
             Self::Maps => "maps",
+            Self::Plans => "plans",
             Self::Tracks => "tracks",
             Self::Cases => "cases",
             _ => unreachable!("only data lie in a folder"),

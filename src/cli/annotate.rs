@@ -41,10 +41,12 @@ Examples:
   trodden annotate my_map.yaml --out annotated
   trodden annotate my_map.yaml --by both --out annotated
   trodden annotate plan.png --image-resolution 0.05 --out annotated
+  trodden annotate clinic.building.yaml --level L1 --out annotated
   trodden annotate Rs_int --floor 0 --region all --model artifacts/latest/quickstart/model --out annotated"
 )]
 pub struct Args {
-    /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
+    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a `building.yaml` of
+    /// Open-RMF.
     map: PathBuf,
     /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model` [default: the model that trodden brings].
     #[arg(long)]
@@ -106,8 +108,9 @@ impl Args {
         }
         let name = import.origin().map_name();
         screen.remark(format!("annotating {}", import.origin().path().display()));
-        let Imported { map, survey } = import.import()?;
-        screen.remark(said(&survey));
+        let imported = import.import()?;
+        screen.remark(said(&imported));
+        let Imported { map, .. } = imported;
         let place = |heat| Placed::new(*map.frame(), heat);
         let simulated = || Ok::<_, CliError>(place(crowd_args::simulate(&map, &walks, screen)?));
         let predicted = || Ok::<_, CliError>(place(predict(&map, &model, &config, screen)?));

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::CliError;
-use crate::domain::map::{ImportConfig, MapImportError, Region, Survey};
+use crate::domain::map::{ImportConfig, Imported, MapImportError, Region};
 use crate::stages::import_map::{self, ImportMap};
 use crate::stages::map_origin::Origin;
 
@@ -29,6 +29,12 @@ pub(super) struct ImportArgs {
     /// Number of the floor, for an iGibson scene [default: 0, or the only one].
     #[arg(long, value_name = "NUMBER")]
     floor: Option<u32>,
+    /// Name of the level, for a building of Open-RMF [default: the only one].
+    #[arg(long, value_name = "NAME")]
+    level: Option<String>,
+    /// How thick walls are, for a building of Open-RMF [default: 0.1].
+    #[arg(long, value_name = "METERS")]
+    wall_thickness: Option<f64>,
     /// Edge of a cell of the result in meters; models are trained on cells of one size.
     #[arg(long, value_name = "METERS", default_value_t = ImportConfig::default().resolution)]
     resolution: f64,
@@ -39,7 +45,7 @@ pub(super) struct ImportArgs {
 }
 
 impl ImportArgs {
-    const fn config(&self) -> ImportConfig {
+    fn config(&self) -> ImportConfig {
         ImportConfig {
             resolution: self.resolution,
             region: self.region,
@@ -49,6 +55,8 @@ impl ImportArgs {
             free_thresh: self.free_thresh,
             negate: self.negate,
             floor: self.floor,
+            level: self.level.clone(),
+            wall_thickness: self.wall_thickness,
         }
     }
 
@@ -68,9 +76,12 @@ impl ImportArgs {
     }
 }
 
-/// Says what became of the free floor of the map, and how to have it otherwise.
-pub(super) fn said(survey: &Survey) -> String {
+/// Says what was read of the map, what became of its free floor, and how to have it otherwise.
+pub(super) fn said(imported: &Imported) -> String {
+    let Imported { survey, reading, .. } = imported;
+    let doubts = reading.doubts.iter().map(|doubt| format!("warning: {doubt}"));
     let advice = if survey.is_odd() { "; `--region all` or `--region x,y` keeps other regions" } else { "" };
     let warning = if survey.is_odd() { "warning: " } else { "" };
-    format!("{warning}{survey}{advice}")
+    let lines = reading.found.iter().cloned().chain(doubts).chain([format!("{warning}{survey}{advice}")]);
+    lines.collect::<Vec<_>>().join("\n")
 }

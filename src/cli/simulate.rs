@@ -30,7 +30,8 @@ Examples:
   trodden simulate plan.png --image-resolution 0.05 --preset comfortable --episodes 400 --out simulated"
 )]
 pub struct Args {
-    /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
+    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a `building.yaml` of
+    /// Open-RMF.
     map: PathBuf,
     #[command(flatten)]
     out: OutFolder,
@@ -47,8 +48,9 @@ impl Args {
         let inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
         self.out.check(&[HEAT, MAP, PICTURE], &inputs)?;
         screen.remark(format!("simulating people on {}", import.origin().path().display()));
-        let Imported { map, survey } = import.import()?;
-        screen.remark(said(&survey));
+        let imported = import.import()?;
+        screen.remark(said(&imported));
+        let Imported { map, .. } = imported;
         let heat = Placed::new(*map.frame(), crowd_args::simulate(&map, &walks, screen)?);
         let picture = png::figure(&heat_picture(&heat), Scale::Linear, &import.origin().map_name());
         self.out.write(&[(HEAT, heat.to_bytes()?), (MAP, map.to_bytes()?), (PICTURE, picture)], screen)?;

@@ -5,9 +5,10 @@ use std::path::{Path, PathBuf};
 use serde_json::{Value, json};
 
 use super::map_origin::Origin;
-use super::{kind, write};
+use super::{kind, plan_advice, write};
 use crate::domain::map::{
-    ImportConfig, Imported, MapForm, MapImportError, MapYaml, OccupancyMap, import_igibson, import_image, import_ros,
+    ImportConfig, Imported, MapForm, MapImportError, MapYaml, OccupancyMap, PlanForm, import_igibson, import_image,
+    import_plan, import_ros, plan_cells,
 };
 use crate::pipeline::stage::{Context, Inputs, Needs, Output, Part, Source, Stage, StageError, StageSpec};
 use crate::store::{Store, read_bounded};
@@ -16,6 +17,8 @@ use crate::store::{Store, read_bounded};
 const MOST_IMAGE: u64 = 16 * crate::domain::map::MOST_PIXELS;
 /// The most bytes of a YAML.
 const MOST_YAML: u64 = 1 << 20;
+/// The most bytes of a floor plan.
+const MOST_PLAN: u64 = 1 << 26;
 
 /// What is the same for every imported map.
 pub const SPEC: StageSpec = StageSpec {
@@ -24,7 +27,7 @@ pub const SPEC: StageSpec = StageSpec {
     ports: &[],
     output: kind::<OccupancyMap>(),
     seeded: false,
-    doc: "Reads a map of ROS `map_server`, a plain image or an iGibson scene, and resamples it.",
+    doc: "Reads a map of ROS `map_server`, a plain image, an iGibson scene or a building of Open-RMF, and makes cells of it.",
 };
 
 /// One map to import.
@@ -42,6 +45,10 @@ impl ImportMap {
     pub fn new(origin: Origin, config: ImportConfig) -> Result<Self, StageError> {
         let import = Self { origin, config };
         import.config.check().map_err(|error| import.failed(error))?;
+        if let Origin::Plan { file, form, .. } = &import.origin {
+            let cells = plan_cells(*form, &bytes(file, MOST_PLAN)?, &import.config);
+            return cells.map_err(|error| import.failed(error)).map(|_| import);
+        }
         if matches!(import.origin, Origin::Image(_)) && import.config.image_resolution.is_none() {
             return Err(import.failed(MapImportError::ImageResolution));
         }
@@ -70,6 +77,10 @@ impl ImportMap {
     /// # Errors
     /// [`StageError`] if a file cannot be read or is not what it should be.
     pub fn import(&self) -> Result<Imported, StageError> {
+        if let Origin::Plan { file, form, .. } = &self.origin {
+            let imported = import_plan(*form, &bytes(file, MOST_PLAN)?, &self.config);
+            return imported.map_err(|error| self.failed(error));
+        }
         let yaml = match &self.origin {
             Origin::Ros(file) => Some(self.yaml(file)?),
             _ => None,
@@ -94,7 +105,24 @@ impl ImportMap {
         match (&self.origin, yaml) {
             (Origin::Ros(file), Some(yaml)) => file.parent().unwrap_or_else(|| Path::new("")).join(&yaml.image),
             (Origin::Igibson { image, .. }, _) => image.clone(),
-            (Origin::Ros(path) | Origin::Image(path), _) => path.clone(),
+            (Origin::Ros(path) | Origin::Image(path) | Origin::Plan { file: path, .. }, _) => path.clone(),
+        }
+    }
+
+    /// Returns the bytes that a floor plan takes: its points, and regions of at most as many cells as its grid has.
+    fn plan_memory(&self, path: &Path) -> u64 {
+        let MapForm::Plan(form) = self.origin.form() else { return 0 };
+        let Ok(bytes) = bytes(path, MOST_PLAN) else { return 0 };
+        let cells = plan_cells(form, &bytes, &self.config).unwrap_or(0);
+        cells.saturating_mul(20) + 50 * bytes.len() as u64
+    }
+
+    fn plan_parameters(&self, form: PlanForm) -> Value {
+        let thickness = self.config.wall_thickness.unwrap_or(ImportConfig::WALL_THICKNESS);
+        match form {
+            PlanForm::Building => {
+                json!({ "source": form.name(), "level": self.config.level, "wall_thickness": thickness })
+            }
         }
     }
 
@@ -113,6 +141,7 @@ fn failed(path: &Path, error: MapImportError) -> StageError {
 #[must_use]
 pub fn help(error: &MapImportError) -> Option<String> {
     let advice = match error {
+        MapImportError::Plan(error) => plan_advice::help(error)?,
         MapImportError::ImageResolution => {
             "write `files: { paths: [...], image_resolution: 0.05 }`, or `--image-resolution 0.05`"
         }
@@ -144,6 +173,7 @@ pub fn help(error: &MapImportError) -> Option<String> {
             }
             MapForm::Image => "leave it out: plain images take `image_resolution`, `threshold` and `negate`",
             MapForm::Igibson => "leave it out: scenes take `floor`; what is white in their pictures is free",
+            MapForm::Plan(form) => plan_advice::unfit(*form),
         },
         _ => return None,
     };
@@ -236,6 +266,7 @@ impl Stage for ImportMap {
                 "negate": self.config.negate.unwrap_or(false),
             }),
             MapForm::Igibson => json!({ "source": "igibson" }),
+            MapForm::Plan(form) => self.plan_parameters(form),
         };
         let object = value.as_object_mut().expect("made as an object");
         object.extend(more.as_object().expect("made as an object").clone());
@@ -249,18 +280,23 @@ impl Stage for ImportMap {
                 let yaml = self.yaml(file)?;
                 vec![source("yaml", file.clone()), source("image", self.image(Some(&yaml)))]
             }
+            Origin::Plan { file, .. } => vec![source("plan", file.clone())],
             _ => vec![source("image", self.image(None))],
         })
     }
 
     fn needs(&self, _: Part, inputs: &Inputs, _: &Store) -> Needs {
+        if let Some((path, _)) = inputs.sources.get("plan") {
+            return super::memory(self.plan_memory(path));
+        }
         // Up to eight bytes as it is decoded, the file itself, what the pixels say, and regions of at most as many cells.
         let pixels = inputs.sources.get("image").map_or(0, |(path, _)| pixels(path));
         super::memory(pixels.saturating_mul(20))
     }
 
     fn run(&self, _: Part, _: &Inputs, context: &Context) -> Result<Output, StageError> {
-        let Imported { map, survey } = self.import()?;
+        let Imported { map, survey, reading } = self.import()?;
+        reading.doubts.into_iter().for_each(|doubt| (context.warn)(doubt));
         if survey.is_odd() || survey.share() < 1.0 {
             let advice = if survey.is_odd() { "; `region: all` or `region: [x, y]` keeps others" } else { "" };
             (context.warn)(format!("{survey}{advice}"));

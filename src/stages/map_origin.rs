@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use crate::domain::map::{ImportConfig, MapForm, MapYaml, igibson_floor, igibson_image, is_image};
+use crate::domain::map::{ImportConfig, MapForm, MapYaml, PlanForm, igibson_floor, igibson_image, is_image};
 use crate::pipeline::stage::StageError;
 use crate::store::open_regular;
 
@@ -25,10 +25,20 @@ pub enum Origin {
         /// Whether one gets this floor without asking for it.
         usual: bool,
     },
+    /// A floor plan of areas, walls and doors.
+    Plan {
+        /// The file.
+        file: PathBuf,
+        /// What kind of file it is.
+        form: PlanForm,
+        /// The level that is asked for.
+        level: Option<String>,
+    },
 }
 
 impl Origin {
-    /// Tells what a path is: a folder is an iGibson scene, a text that names an image a ROS map, all else an image.
+    /// Tells what a path is: a folder is an iGibson scene, a text that names an image a ROS map, one that begins as a floor
+    /// plan that, all else an image.
     ///
     /// Content counts more than the ending of a name.
     ///
@@ -52,6 +62,9 @@ impl Origin {
             let folder = path.parent().unwrap_or_else(|| Path::new(""));
             return Ok(Self::Igibson { scene: scene_of(folder), image: path.to_owned(), floor, usual: true });
         }
+        if let Some(form) = plan_form(path, &start) {
+            return Ok(Self::Plan { file: path.to_owned(), form, level: config.level.clone() });
+        }
         let extension = path.extension().map(|extension| extension.to_string_lossy().to_lowercase());
         let named = matches!(extension.as_deref(), Some("yaml" | "yml"));
         let described = || String::from_utf8_lossy(&start).lines().any(|line| line.trim_start().starts_with("image:"));
@@ -61,7 +74,8 @@ impl Origin {
         Ok(Self::Image(path.to_owned()))
     }
 
-    /// Returns the name of the map: the scene's, or the file's stem, or its folder's name where the stem is `map`.
+    /// Returns the name of the map: the scene's, or the file's stem, or its folder's name where the stem is `map`; and the
+    /// level of a building that was asked for.
     #[must_use]
     pub fn map_name(&self) -> String {
         let text = |part: Option<&std::ffi::OsStr>| part.map(|part| part.to_string_lossy().into_owned());
@@ -70,6 +84,12 @@ impl Origin {
             Self::Igibson { scene, floor, .. } => {
                 text(whole(scene).file_name()).map(|name| format!("{name}_floor_{floor}"))
             }
+            Self::Plan { file, level, .. } => text(file.file_stem()).map(|stem| {
+                let stem = stem.strip_suffix(".building").unwrap_or(&stem);
+                let word = |character: char| if character.is_alphanumeric() { character } else { '_' };
+                let level = level.iter().map(|level| format!("_{}", level.chars().map(word).collect::<String>()));
+                std::iter::once(stem.to_owned()).chain(level).collect()
+            }),
             Self::Ros(file) | Self::Image(file) => match text(file.file_stem()) {
                 Some(stem) if stem == "map" => text(whole(file).parent().and_then(Path::file_name)).or(Some(stem)),
                 stem => stem,
@@ -82,6 +102,7 @@ impl Origin {
     #[must_use]
     pub const fn form(&self) -> MapForm {
         match self {
+            Self::Plan { form, .. } => MapForm::Plan(*form),
             Self::Ros(_) => MapForm::Ros,
             Self::Image(_) => MapForm::Image,
             Self::Igibson { .. } => MapForm::Igibson,
@@ -92,10 +113,22 @@ impl Origin {
     #[must_use]
     pub fn path(&self) -> &Path {
         match self {
-            Self::Ros(path) | Self::Image(path) => path,
+            Self::Ros(path) | Self::Image(path) | Self::Plan { file: path, .. } => path,
             Self::Igibson { image, .. } => image,
         }
     }
+}
+
+/// Tells which kind of floor plan a file is, if any.
+fn plan_form(path: &Path, start: &[u8]) -> Option<PlanForm> {
+    if is_image(start) {
+        return None;
+    }
+    let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let start = String::from_utf8_lossy(start);
+    let has = |key: &str| start.lines().any(|line| line.starts_with(key));
+    let building = name.ends_with(".building.yaml") || has("coordinate_system:") || has("levels:");
+    (building && !has("image:")).then_some(PlanForm::Building)
 }
 
 /// Returns a path whose last part is a name.
@@ -199,6 +232,24 @@ mod tests {
         let folder = place(&["ward/map.pgm", "ward/plan.pgm", "map/map.yaml"]);
         let name = |path| origin(&folder, path, None).expect("reads").map_name();
         assert_eq!([name("ward/map.pgm"), name("ward/plan.pgm"), name("map/map.yaml")], ["ward", "plan", "map"]);
+    }
+
+    #[test]
+    fn plans_are_told_by_what_they_say() {
+        let folder = place(&[]);
+        let check = |file: &str, text: &str, expected: MapForm, name: &str| {
+            std::fs::write(folder.path().join(file), text).expect("writes");
+            let found = origin(&folder, file, None).expect("reads");
+            assert_eq!((found.form(), found.map_name().as_str()), (expected, name), "{file}: {text}");
+        };
+        let building = MapForm::Plan(PlanForm::Building);
+        check("ward.building.yaml", "", building, "ward");
+        check("ward.yaml", "name: x\nlevels:\n", building, "ward");
+        check("ward", "coordinate_system: reference_image\n", building, "ward");
+        check("ros.yaml", "image: a.pgm\nlevels: 3\n", MapForm::Ros, "ros");
+        let config = ImportConfig { level: Some("L 1/2".to_owned()), ..ImportConfig::default() };
+        let found = Origin::of(&folder.path().join("ward.building.yaml"), &config).expect("reads");
+        assert_eq!(found.map_name(), "ward_L_1_2");
     }
 
     #[test]

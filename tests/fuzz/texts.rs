@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
-use trodden::domain::map::{ImportConfig, MapYaml, import_ros};
+use trodden::domain::map::{ImportConfig, MapYaml, PlanForm, import_plan, import_ros};
 use trodden::pipeline::plan::{Lookups, plan};
 use trodden::pipeline::spec::{Request, parse};
 use trodden::stages::REGISTER;
@@ -17,6 +17,7 @@ use super::{Target, images};
 pub fn target(name: &str) -> Option<Target> {
     match name {
         "map-yaml" => Some(map_yaml()),
+        "building" => Some(building()),
         "pipeline" => Some(pipeline()),
         "recipe" => Some(recipe()),
         "run" => Some(run()),
@@ -85,6 +86,22 @@ fn map_yaml() -> Target {
         let Ok(yaml) = MapYaml::parse(&String::from_utf8_lossy(input)) else { return false };
         drop(import_ros(&yaml, &image, &ImportConfig::default()));
         true
+    })
+}
+
+fn building() -> Target {
+    const SEEDS: [&str; 2] = [
+        "coordinate_system: reference_image\nlevels:\n  L1:\n    doors:\n      - [4, 5, {name: [1, door]}]\n    floors:\n      \
+         - parameters: {}\n        vertices: [0, 1, 2, 3]\n    holes:\n      - vertices: [3, 4, 5]\n    lanes:\n      - [0, 1, {}]\n    \
+         measurements:\n      - [0, 1, {distance: [3, 10]}]\n    models:\n      - {x: 1, y: 2}\n    vertices:\n      \
+         - [10, 20, 0, \"\"]\n      - [30, 20, 0, a, {b: [4, true]}]\n      - [30, 32.0, 0, \"\"]\n      - [10, 32]\n      \
+         - [18, 24]\n      - [18, 28]\n    walls:\n      - [0, 1, {alpha: [3, 1]}]\n      - [1, 2]\n      - [4, 5, {}]\n",
+        "{coordinate_system: cartesian_meters, levels: {G: {vertices: [[0, 0], [9, 0], [9, 9], [0, 9]], \
+         walls: [[0, 1], [1, 2], [2, 3], [3, 0]]}}}",
+    ];
+    let seeds = SEEDS.map(|seed| seed.as_bytes().to_vec()).to_vec();
+    Target::new("building", seeds, yaml, |input| {
+        import_plan(PlanForm::Building, input, &ImportConfig::default()).is_ok()
     })
 }
 

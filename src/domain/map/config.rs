@@ -6,7 +6,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::error::MapImportError;
-use super::form::MapForm;
+use super::form::{MapForm, PlanForm};
 
 /// Which of the separate regions of free floor are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -98,6 +98,12 @@ pub struct ImportConfig {
     pub negate: Option<bool>,
     /// Number of the floor of an iGibson scene; 0 if it is left out, or the only one there is.
     pub floor: Option<u32>,
+    /// Name of the level of a building of Open-RMF; may be left out where there is only one.
+    pub level: Option<String>,
+    /// How thick the walls of a building of Open-RMF are in meters, 0.01 to 2; 0.1 if it is left out, as Open-RMF's own tools
+    /// build them.
+    #[schemars(range(min = 0.01, max = 2.0))]
+    pub wall_thickness: Option<f64>,
 }
 
 impl Default for ImportConfig {
@@ -111,6 +117,8 @@ impl Default for ImportConfig {
             free_thresh: None,
             negate: None,
             floor: None,
+            level: None,
+            wall_thickness: None,
         }
     }
 }
@@ -118,6 +126,8 @@ impl Default for ImportConfig {
 impl ImportConfig {
     /// Brightness from which on a pixel of a plain image is free, unless another is set.
     pub const THRESHOLD: f64 = 0.5;
+    /// How thick walls are that a plan draws as lines, unless something else is set, in meters: what Open-RMF's tools take.
+    pub const WALL_THICKNESS: f64 = 0.1;
 
     /// Checks every number against its range.
     ///
@@ -136,6 +146,7 @@ impl ImportConfig {
         within("threshold", self.threshold.unwrap_or(0.0), 0.0, 1.0)?;
         within("occupied_thresh", self.occupied_thresh.unwrap_or(0.0), 0.0, 1.0)?;
         within("free_thresh", self.free_thresh.unwrap_or(0.0), 0.0, 1.0)?;
+        within("wall_thickness", self.wall_thickness.unwrap_or(1.0), 0.01, 2.0)?;
         match (self.occupied_thresh, self.free_thresh) {
             (Some(occupied), Some(free)) if occupied < free => {
                 Err(MapImportError::Thresholds { occupied, free, at: None })
@@ -148,13 +159,16 @@ impl ImportConfig {
     #[must_use]
     pub fn unfit(&self, form: MapForm) -> Vec<&'static str> {
         use MapForm::{Igibson, Image, Ros};
-        let fields: [(&str, bool, &[MapForm]); 6] = [
+        const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
+        let fields: [(&str, bool, &[MapForm]); 8] = [
             ("image_resolution", self.image_resolution.is_some(), &[Image]),
             ("threshold", self.threshold.is_some(), &[Image]),
             ("occupied_thresh", self.occupied_thresh.is_some(), &[Ros]),
             ("free_thresh", self.free_thresh.is_some(), &[Ros]),
             ("negate", self.negate.is_some(), &[Ros, Image]),
             ("floor", self.floor.is_some(), &[Igibson]),
+            ("level", self.level.is_some(), &[BUILDING]),
+            ("wall_thickness", self.wall_thickness.is_some(), &[BUILDING]),
         ];
         fields.into_iter().filter(|(_, set, forms)| *set && !forms.contains(&form)).map(|(name, ..)| name).collect()
     }
@@ -176,6 +190,7 @@ mod tests {
         check(ImportConfig { image_resolution: Some(-1.0), ..plain() }, "image_resolution");
         check(ImportConfig { threshold: Some(1.5), ..plain() }, "threshold");
         check(ImportConfig { free_thresh: Some(f64::INFINITY), ..plain() }, "free_thresh");
+        check(ImportConfig { wall_thickness: Some(0.0), ..plain() }, "wall_thickness");
         check(ImportConfig { free_thresh: Some(0.5), occupied_thresh: Some(0.4), ..plain() }, "occupied_thresh");
         ImportConfig::default().check().expect("the defaults are in range");
     }
@@ -201,19 +216,22 @@ mod tests {
 
     #[test]
     fn what_does_not_fit_the_form_is_named() {
+        use MapForm::{Igibson, Image, Ros};
+        const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
         let check = |config: ImportConfig, fits: &[MapForm]| {
-            for form in [MapForm::Ros, MapForm::Image, MapForm::Igibson] {
+            for form in [Ros, Image, Igibson, BUILDING] {
                 assert_eq!(config.unfit(form).is_empty(), fits.contains(&form), "{form}: {config:?}");
             }
         };
-        use MapForm::{Igibson, Image, Ros};
         let none = ImportConfig::default;
-        check(ImportConfig { resolution: 0.2, region: Region::All, ..none() }, &[Ros, Image, Igibson]);
+        check(ImportConfig { resolution: 0.2, region: Region::All, ..none() }, &[Ros, Image, Igibson, BUILDING]);
         check(ImportConfig { image_resolution: Some(0.1), ..none() }, &[Image]);
         check(ImportConfig { threshold: Some(0.5), ..none() }, &[Image]);
         check(ImportConfig { occupied_thresh: Some(0.5), ..none() }, &[Ros]);
         check(ImportConfig { free_thresh: Some(0.5), ..none() }, &[Ros]);
         check(ImportConfig { negate: Some(false), ..none() }, &[Ros, Image]);
         check(ImportConfig { floor: Some(0), ..none() }, &[Igibson]);
+        check(ImportConfig { level: Some("L1".to_owned()), ..none() }, &[BUILDING]);
+        check(ImportConfig { wall_thickness: Some(0.2), ..none() }, &[BUILDING]);
     }
 }

@@ -4,15 +4,8 @@ use image::ImageError;
 
 use super::form::MapForm;
 use super::occupancy::MapError;
-
-/// A place in a text, both counted from 1.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Position {
-    /// Line.
-    pub line: u64,
-    /// Column in characters.
-    pub column: u64,
-}
+use super::plan::PlanError;
+use super::position::{Position, place};
 
 /// What keeps a map from being read.
 #[derive(Debug, thiserror::Error)]
@@ -53,20 +46,19 @@ pub enum MapImportError {
     #[error("there is no free floor at {x}, {y}: the map reaches from {}, {} to {}, {}", low[0], low[1], high[0], high[1])]
     NoRegion { x: f64, y: f64, low: [f64; 2], high: [f64; 2] },
     #[error(transparent)]
+    Plan(#[from] PlanError),
+    #[error(transparent)]
     Map(#[from] MapError),
 }
 
 impl MapImportError {
-    /// Returns the place in the YAML that is to blame, where there is one.
+    /// Returns the place in the text that is to blame, where there is one.
     #[must_use]
     pub const fn position(&self) -> Option<Position> {
         match self {
             Self::Yaml { at, .. } | Self::Field { at, .. } | Self::Thresholds { at, .. } => *at,
+            Self::Plan(error) => error.position(),
             _ => None,
         }
     }
-}
-
-fn place(at: &Option<Position>) -> String {
-    at.map_or_else(String::new, |at| format!(" (line {}, column {})", at.line, at.column))
 }

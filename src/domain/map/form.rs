@@ -11,6 +11,25 @@ pub enum MapForm {
     Image,
     /// The folder of an iGibson scene.
     Igibson,
+    /// A floor plan of areas, walls and doors.
+    Plan(PlanForm),
+}
+
+/// What kind of file a floor plan comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlanForm {
+    /// A `building.yaml` of Open-RMF.
+    Building,
+}
+
+impl PlanForm {
+    /// Returns the form's name in recipes.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Building => "building",
+        }
+    }
 }
 
 impl fmt::Display for MapForm {
@@ -19,6 +38,7 @@ impl fmt::Display for MapForm {
             Self::Ros => "a map of ROS",
             Self::Image => "a plain image",
             Self::Igibson => "an iGibson scene",
+            Self::Plan(PlanForm::Building) => "a building of Open-RMF",
         })
     }
 }

@@ -8,6 +8,7 @@ use super::form::MapForm;
 use super::indoors::{Survey, choose};
 use super::occupancy::{MapError, OccupancyMap};
 use super::picture::{Picture, Pixel, Shade, flipped};
+use super::reading::Reading;
 use super::resample::resample;
 use super::ros::MapYaml;
 use crate::domain::geometry::{Frame, Grid, Point};
@@ -22,6 +23,8 @@ pub struct Imported {
     pub map: OccupancyMap,
     /// What was found on the way, and how much of it was kept.
     pub survey: Survey,
+    /// What was read of a floor plan, and what was not; pictures have nothing to tell.
+    pub reading: Reading,
 }
 
 /// Returns the name of the picture of the space on a floor that can be walked on, in an iGibson scene's folder or in the
@@ -158,7 +161,7 @@ fn finish(
     let frame = place(Frame::at_zero(resolution, pixels.rows(), pixels.cols()));
     let (cells, frame) = resample(pixels, &frame, config.resolution)?;
     let (map, survey) = choose(&cells, &frame, form, config.region)?;
-    Ok(Imported { map, survey })
+    Ok(Imported { map, survey, reading: Reading::default() })
 }
 
 #[cfg(test)]

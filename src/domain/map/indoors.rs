@@ -158,7 +158,7 @@ fn mark_outdoors(areas: &mut [Area], labels: &Grid<u32>, form: MapForm, cell_are
     let last = (labels.rows() - 1, labels.cols() - 1);
     let reaches = |area: &Area| (area.top, area.left) == (0, 0) && (area.bottom, area.right) == last;
     let least = |area: &Area, form: MapForm| match form {
-        MapForm::Image => 0.0,
+        MapForm::Image | MapForm::Plan(_) => 0.0,
         MapForm::Ros | MapForm::Igibson => MAPPED_BUILDING * area.cells as f64,
     };
     let inner = largest(areas, |area| !reaches(area)).map_or(0, |at| areas[at].cells);

@@ -10,8 +10,11 @@ mod jpeg;
 mod observed;
 mod occupancy;
 mod picture;
+mod plan;
 mod pnm;
+mod position;
 mod ratio;
+mod reading;
 mod regions;
 mod resample;
 mod rooms;
@@ -19,11 +22,12 @@ mod ros;
 mod samples;
 mod separation;
 mod shown;
+mod yaml;
 
 pub use config::{ImportConfig, Region};
 pub use distance::squared_distances;
-pub use error::{MapImportError, Position};
-pub use form::MapForm;
+pub use error::MapImportError;
+pub use form::{MapForm, PlanForm};
 pub use import::{
     IGIBSON_RESOLUTION, Imported, free_pixels, igibson_floor, igibson_image, import_igibson, import_image, import_ros,
 };
@@ -31,6 +35,9 @@ pub use indoors::Survey;
 pub use observed::Observed;
 pub use occupancy::{MapError, OccupancyMap};
 pub use picture::{DECODER_THREAD, Pixel, is_image};
+pub use plan::{PlanError, import_plan, plan_cells};
+pub use position::Position;
+pub use reading::Reading;
 pub use regions::{neighbors4, regions};
 pub use resample::{refined, resample};
 pub use rooms::rooms;

@@ -7,11 +7,12 @@ use std::fmt;
 
 use serde::Deserialize;
 use serde::de::{Deserializer, Visitor};
-use serde_saphyr::{Location, Spanned};
+use serde_saphyr::Spanned;
 
 use super::config::ImportConfig;
-use super::error::{MapImportError, Position};
-use super::picture::{Pixel, Shade, is_lfs_pointer};
+use super::error::MapImportError;
+use super::picture::{Pixel, Shade};
+use super::yaml::{from_yaml, position};
 
 /// How gray values are read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -64,20 +65,7 @@ impl MapYaml {
     /// # Errors
     /// [`MapImportError`] with the line and column of what is missing, of another type or out of range.
     pub fn parse(text: &str) -> Result<Self, MapImportError> {
-        if text.trim().is_empty() {
-            return Err(MapImportError::Empty);
-        }
-        if is_lfs_pointer(text.as_bytes()) {
-            return Err(MapImportError::LfsPointer { what: "YAML" });
-        }
-        let options = serde_saphyr::options! {
-            with_snippet: false,
-            non_finite_float_policy: serde_saphyr::options::NonFiniteFloatPolicy::AsString,
-        };
-        let written: Written = serde_saphyr::from_str_with_options(text, options).map_err(|error| {
-            let at = error.location().and_then(|location| position(&location));
-            MapImportError::Yaml { message: message(&error.to_string()), at }
-        })?;
+        let written: Written = from_yaml(text)?;
         let resolution =
             number("resolution", &written.resolution, "a number of meters from 0.00001 to 1000", |value| {
                 (1e-5..=1000.0).contains(&value)
@@ -260,20 +248,9 @@ fn field(field: &'static str, expected: &'static str, written: &Spanned<Scalar>)
     MapImportError::Field { field, expected, found: written.value.0.clone(), at: position(&written.referenced) }
 }
 
-fn position(location: &Location) -> Option<Position> {
-    let (line, column) = (location.line(), location.column());
-    (line > 0).then_some(Position { line, column })
-}
-
-/// Drops what is said elsewhere or to programmers: the place behind a message, the names of the parser's options.
-fn message(text: &str) -> String {
-    let text = text.rsplit_once(" at line ").map_or(text, |(before, _)| before);
-    let text = text.split_once(", set ").map_or(text, |(before, _)| before);
-    text.split_once("; use ").map_or(text, |(before, _)| before).to_owned()
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::position::Position;
     use super::*;
 
     const HOUSE: &str = "\

@@ -1,0 +1,34 @@
+//! What helps when a floor plan cannot be read.
+
+use crate::domain::map::{PlanError, PlanForm};
+
+/// Says what helps.
+pub(super) const fn help(error: &PlanError) -> Option<&'static str> {
+    Some(match error {
+        PlanError::LevelMissing { .. } | PlanError::LevelUnknown { .. } => {
+            "name one of them: `files: { paths: [...], level: NAME }`, or `--level NAME`"
+        }
+        PlanError::Measurements { .. } | PlanError::Distance { .. } => {
+            "in Open-RMF's traffic editor, draw a measurement between two points and give its distance in meters"
+        }
+        PlanError::Scale { .. } => "check the distances of the measurements: they are in meters",
+        PlanError::Coordinates { .. } => "trace the building over a drawing of it, with a measurement for the scale",
+        PlanError::Nothing => "check that it is the right file: a map is made of its walls and areas",
+        PlanError::TooManyCells { .. } => {
+            "check the plan's unit, or take larger cells: `resolution: 0.2` (`--resolution`)"
+        }
+        PlanError::TooManyPoints { .. } | PlanError::TooManyLines { .. } => {
+            "leave out what is no wall, floor or door first"
+        }
+        _ => return None,
+    })
+}
+
+/// Says what plans of this form take.
+pub(super) const fn unfit(form: PlanForm) -> &'static str {
+    match form {
+        PlanForm::Building => {
+            "leave it out: buildings take `level` and `wall_thickness`; their measurements say the scale"
+        }
+    }
+}
