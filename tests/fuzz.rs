@@ -244,6 +244,8 @@ macro_rules! targets {
 targets! {
     map_yaml "map-yaml",
     building "building",
+    wkt "wkt",
+    geojson "geojson",
     pgm "pgm",
     png "png",
     jpeg "jpeg",

@@ -45,8 +45,8 @@ Examples:
   trodden annotate Rs_int --floor 0 --region all --model artifacts/latest/quickstart/model --out annotated"
 )]
 pub struct Args {
-    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a `building.yaml` of
-    /// Open-RMF.
+    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a floor plan: a
+    /// `building.yaml` of Open-RMF, WKT or GeoJSON.
     map: PathBuf,
     /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model` [default: the model that trodden brings].
     #[arg(long)]

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::CliError;
-use crate::domain::map::{ImportConfig, Imported, MapImportError, Region};
+use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Unit};
 use crate::stages::import_map::{self, ImportMap};
 use crate::stages::map_origin::Origin;
 
@@ -35,6 +35,9 @@ pub(super) struct ImportArgs {
     /// How thick walls are, for a building of Open-RMF [default: 0.1].
     #[arg(long, value_name = "METERS")]
     wall_thickness: Option<f64>,
+    /// Unit of the coordinates, for WKT [default: m] and GeoJSON: m, cm, mm, in or ft.
+    #[arg(long)]
+    unit: Option<Unit>,
     /// Edge of a cell of the result in meters; models are trained on cells of one size.
     #[arg(long, value_name = "METERS", default_value_t = ImportConfig::default().resolution)]
     resolution: f64,
@@ -57,6 +60,7 @@ impl ImportArgs {
             floor: self.floor,
             level: self.level.clone(),
             wall_thickness: self.wall_thickness,
+            unit: self.unit,
         }
     }
 

@@ -30,8 +30,8 @@ Examples:
   trodden simulate plan.png --image-resolution 0.05 --preset comfortable --episodes 400 --out simulated"
 )]
 pub struct Args {
-    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a `building.yaml` of
-    /// Open-RMF.
+    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a floor plan: a
+    /// `building.yaml` of Open-RMF, WKT or GeoJSON.
     map: PathBuf,
     #[command(flatten)]
     out: OutFolder,

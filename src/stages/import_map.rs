@@ -7,8 +7,8 @@ use serde_json::{Value, json};
 use super::map_origin::Origin;
 use super::{kind, plan_advice, write};
 use crate::domain::map::{
-    ImportConfig, Imported, MapForm, MapImportError, MapYaml, OccupancyMap, PlanForm, import_igibson, import_image,
-    import_plan, import_ros, plan_cells,
+    ImportConfig, Imported, MapForm, MapImportError, MapYaml, OccupancyMap, PlanForm, Unit, import_igibson,
+    import_image, import_plan, import_ros, plan_cells,
 };
 use crate::pipeline::stage::{Context, Inputs, Needs, Output, Part, Source, Stage, StageError, StageSpec};
 use crate::store::{Store, read_bounded};
@@ -27,7 +27,7 @@ pub const SPEC: StageSpec = StageSpec {
     ports: &[],
     output: kind::<OccupancyMap>(),
     seeded: false,
-    doc: "Reads a map of ROS `map_server`, a plain image, an iGibson scene or a building of Open-RMF, and makes cells of it.",
+    doc: "Reads a map of ROS `map_server`, a plain image, an iGibson scene or a floor plan, and makes cells of it.",
 };
 
 /// One map to import.
@@ -123,17 +123,28 @@ impl ImportMap {
             PlanForm::Building => {
                 json!({ "source": form.name(), "level": self.config.level, "wall_thickness": thickness })
             }
+            PlanForm::Wkt | PlanForm::GeoJson => {
+                json!({ "source": form.name(), "unit": self.config.unit.unwrap_or(Unit::Meter) })
+            }
         }
     }
 
     fn failed(&self, error: MapImportError) -> StageError {
-        failed(self.origin.path(), error)
+        let narrow = matches!(error, MapImportError::Map(_) | MapImportError::TooSmall { .. });
+        match &self.origin {
+            Origin::Plan { file, .. } if narrow => advised(file, error, Some(plan_advice::NARROW.to_owned())),
+            origin => failed(origin.path(), error),
+        }
     }
 }
 
 /// Names the file in what the domain has to say, and what helps.
 fn failed(path: &Path, error: MapImportError) -> StageError {
     let help = help(&error);
+    advised(path, error, help)
+}
+
+fn advised(path: &Path, error: MapImportError, help: Option<String>) -> StageError {
     StageError::Failed { message: format!("{}: {error}", path.display()), help, source: Some(Box::new(error)) }
 }
 

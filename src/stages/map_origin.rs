@@ -3,7 +3,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use crate::domain::map::{ImportConfig, MapForm, MapYaml, PlanForm, igibson_floor, igibson_image, is_image};
+use crate::domain::map::{ImportConfig, MapForm, MapYaml, PlanForm, igibson_floor, igibson_image, is_image, is_wkt};
 use crate::pipeline::stage::StageError;
 use crate::store::open_regular;
 
@@ -126,8 +126,17 @@ fn plan_form(path: &Path, start: &[u8]) -> Option<PlanForm> {
     }
     let name = path.file_name().map(|name| name.to_string_lossy().to_lowercase()).unwrap_or_default();
     let start = String::from_utf8_lossy(start);
+    let ends = |ending: &str| name.ends_with(ending);
+    if ends(".wkt") || is_wkt(start.trim_start_matches('\u{feff}')) {
+        return Some(PlanForm::Wkt);
+    }
+    if ends(".geojson")
+        || start.trim_start_matches('\u{feff}').trim_start().starts_with('{') && start.contains("\"type\"")
+    {
+        return Some(PlanForm::GeoJson);
+    }
     let has = |key: &str| start.lines().any(|line| line.starts_with(key));
-    let building = name.ends_with(".building.yaml") || has("coordinate_system:") || has("levels:");
+    let building = ends(".building.yaml") || has("coordinate_system:") || has("levels:");
     (building && !has("image:")).then_some(PlanForm::Building)
 }
 
@@ -246,6 +255,10 @@ mod tests {
         check("ward.building.yaml", "", building, "ward");
         check("ward.yaml", "name: x\nlevels:\n", building, "ward");
         check("ward", "coordinate_system: reference_image\n", building, "ward");
+        check("hall.wkt", "", MapForm::Plan(PlanForm::Wkt), "hall");
+        check("hall.txt", "geometrycollection (polygon", MapForm::Plan(PlanForm::Wkt), "hall");
+        check("hall.geojson", "", MapForm::Plan(PlanForm::GeoJson), "hall");
+        check("hall.json", "\n{\"type\": \"Polygon\"", MapForm::Plan(PlanForm::GeoJson), "hall");
         check("ros.yaml", "image: a.pgm\nlevels: 3\n", MapForm::Ros, "ros");
         let config = ImportConfig { level: Some("L 1/2".to_owned()), ..ImportConfig::default() };
         let found = Origin::of(&folder.path().join("ward.building.yaml"), &config).expect("reads");

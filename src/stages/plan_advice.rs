@@ -2,6 +2,10 @@
 
 use crate::domain::map::{PlanError, PlanForm};
 
+/// What helps where hardly any floor is free.
+pub(super) const NARROW: &str = "check the plan's unit, take smaller cells (`resolution`), or name another region: `region: all`, \
+     or `region: [x, y]` in meters (`--region`)";
+
 /// Says what helps.
 pub(super) const fn help(error: &PlanError) -> Option<&'static str> {
     Some(match error {
@@ -13,6 +17,12 @@ pub(super) const fn help(error: &PlanError) -> Option<&'static str> {
         }
         PlanError::Scale { .. } => "check the distances of the measurements: they are in meters",
         PlanError::Coordinates { .. } => "trace the building over a drawing of it, with a measurement for the scale",
+        PlanError::Degrees => {
+            "project it to meters first, such as `ogr2ogr -t_srs EPSG:25832`, and write `unit: m` (`--unit m`)"
+        }
+        PlanError::Wkt { .. } | PlanError::Json { .. } | PlanError::GeoJson { .. } | PlanError::Ring { .. } => {
+            "export it again: a plan is made of polygons, whose rings are closed"
+        }
         PlanError::Nothing => "check that it is the right file: a map is made of its walls and areas",
         PlanError::TooManyCells { .. } => {
             "check the plan's unit, or take larger cells: `resolution: 0.2` (`--resolution`)"
@@ -27,8 +37,7 @@ pub(super) const fn help(error: &PlanError) -> Option<&'static str> {
 /// Says what plans of this form take.
 pub(super) const fn unfit(form: PlanForm) -> &'static str {
     match form {
-        PlanForm::Building => {
-            "leave it out: buildings take `level` and `wall_thickness`; their measurements say the scale"
-        }
+        PlanForm::Building => "leave it out: buildings take `level` and `wall_thickness`; measurements say the scale",
+        PlanForm::Wkt | PlanForm::GeoJson => "leave it out: polygons take `unit`",
     }
 }

@@ -471,3 +471,38 @@ fn masks_of_another_map_are_refused() {
     assert!(missing.contains("nowhere.yaml"), "{missing}");
     assert!(!place.path("masks").exists());
 }
+
+#[test]
+fn plans_that_cannot_be_read() {
+    let place = Place::empty();
+    let room = "vertices: [[0, 0], [9, 0], [9, 9]], walls: [[0, 1], [1, 2], [2, 0]]";
+    place.write("two.building.yaml", format!("levels:\n  L1: {{{room}}}\n  L2: {{{room}}}\n"));
+    place.write("bare.building.yaml", format!("levels:\n  L1: {{{room}}}\n"));
+    place.write(
+        "lost.building.yaml",
+        format!("coordinate_system: cartesian_meters\nlevels:\n  L1: {{{}}}\n", room.replace("[2, 0]", "[2, 3]")),
+    );
+    place.write("hall.wkt", "POLYGON ((0 0, 9 0, 9 9, 0 9))");
+    place.write("hall.geojson", r#"{"type": "Polygon", "coordinates": [[[8, 50], [9, 50], [9, 51], [8, 50]]]}"#);
+    place.write("tiny.wkt", "POLYGON ((0 0, 900 0, 900 900, 0 900, 0 0))");
+    place.write("empty.wkt", "");
+    let requests: [&[&str]; 9] = [
+        &["two.building.yaml"],
+        &["two.building.yaml", "--level", "L3"],
+        &["bare.building.yaml"],
+        &["lost.building.yaml"],
+        &["hall.wkt"],
+        &["hall.geojson"],
+        &["hall.geojson", "--unit", "degrees"],
+        &["tiny.wkt", "--unit", "mm"],
+        &["empty.wkt", "--threshold", "0.5"],
+    ];
+    let said: Vec<String> = requests
+        .iter()
+        .map(|words| {
+            let words = [&["annotate"], *words, &["--out", "out"]].concat();
+            format!("$ {}\n{}", words.join(" "), place.refused(2, &words))
+        })
+        .collect();
+    check("plans-refused", &said.join("\n"));
+}

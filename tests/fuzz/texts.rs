@@ -5,7 +5,7 @@ use std::fs;
 use std::path::Path;
 
 use serde_json::{Value, json};
-use trodden::domain::map::{ImportConfig, MapYaml, PlanForm, import_plan, import_ros};
+use trodden::domain::map::{ImportConfig, MapYaml, PlanForm, Unit, import_plan, import_ros};
 use trodden::pipeline::plan::{Lookups, plan};
 use trodden::pipeline::spec::{Request, parse};
 use trodden::stages::REGISTER;
@@ -18,6 +18,8 @@ pub fn target(name: &str) -> Option<Target> {
     match name {
         "map-yaml" => Some(map_yaml()),
         "building" => Some(building()),
+        "wkt" => Some(polygons("wkt", PlanForm::Wkt, WKT.as_bytes())),
+        "geojson" => Some(polygons("geojson", PlanForm::GeoJson, GEOJSON.as_bytes())),
         "pipeline" => Some(pipeline()),
         "recipe" => Some(recipe()),
         "run" => Some(run()),
@@ -86,6 +88,20 @@ fn map_yaml() -> Target {
         let Ok(yaml) = MapYaml::parse(&String::from_utf8_lossy(input)) else { return false };
         drop(import_ros(&yaml, &image, &ImportConfig::default()));
         true
+    })
+}
+
+const WKT: &str = "SRID=25832;GEOMETRYCOLLECTION (POINT (1 2), POLYGON ((0 0, 9 0, 9 9.5, 0 9e0, 0 0), (1 1, 2 1, 2 2, 1 1)), \
+    MULTIPOLYGON Z (((9 0 1, 12 0 1, 12 5 1, 9 0 1))), POLYGON EMPTY)";
+
+const GEOJSON: &str = "{\"type\": \"FeatureCollection\", \"features\": [{\"type\": \"Feature\", \"properties\": {}, \
+    \"geometry\": {\"type\": \"Polygon\", \"coordinates\": [[[0, 0], [9, 0], [9, 9.5], [0, 9e0], [0, 0]], [[1, 1], [2, 1], [2, 2], \
+    [1, 1]]]}}, {\"type\": \"Feature\", \"geometry\": null}, {\"type\": \"GeometryCollection\", \"geometries\": []}]}";
+
+fn polygons(name: &'static str, form: PlanForm, seed: &[u8]) -> Target {
+    Target::new(name, vec![seed.to_vec()], yaml, move |input| {
+        let config = ImportConfig { unit: Some(Unit::Meter), ..ImportConfig::default() };
+        import_plan(form, input, &config).is_ok()
     })
 }
 

@@ -43,3 +43,19 @@ fn buildings_of_open_rmf_have_their_floors_and_doors() {
     assert!(is_free(&office, 8.078, -5.898) && is_free(&office, 19.450, -10.319));
     assert!(!is_free(&office, 6.733, -8.579) && !is_free(&office, 19.45, -8.0) && !is_free(&office, 2.0, -2.0));
 }
+
+#[test]
+fn geometries_of_jupedsim_keep_their_coordinates() {
+    let check = |file: &str, area: f64, found: &str| {
+        let imported = import(&format!("jupedsim/{file}.wkt"), &ImportConfig::default())?;
+        assert_eq!(imported.reading.found, [found]);
+        assert!((imported.survey.kept - area).abs() < 0.1, "{file}: {} m²", imported.survey.kept);
+        Some(imported.map)
+    };
+    drop(check("arena", 219.5, "1 polygon with 18 holes and 402 points in meters"));
+    // 20 × 4 m and 4 × 6 m below.
+    drop(check("t_shaped_room", 104.0, "1 polygon with no holes and 12 points in meters"));
+    let Some(rooms) = check("office_rooms", 67.3, "1 polygon with no holes and 53 points in meters") else { return };
+    // A room, the middle of a door, the wall beside it.
+    assert!(is_free(&rooms, 1.5, 6.5) && is_free(&rooms, 1.5, 5.0) && !is_free(&rooms, 0.5, 5.0));
+}

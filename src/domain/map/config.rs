@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::MapImportError;
 use super::form::{MapForm, PlanForm};
+use super::unit::Unit;
 
 /// Which of the separate regions of free floor are kept.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize, JsonSchema)]
@@ -104,6 +105,9 @@ pub struct ImportConfig {
     /// build them.
     #[schemars(range(min = 0.01, max = 2.0))]
     pub wall_thickness: Option<f64>,
+    /// The unit of the coordinates of WKT, `m` if it is left out, and of GeoJSON, which is degrees by its standard and must be
+    /// told: `m`, `cm`, `mm`, `in` or `ft`.
+    pub unit: Option<Unit>,
 }
 
 impl Default for ImportConfig {
@@ -119,6 +123,7 @@ impl Default for ImportConfig {
             floor: None,
             level: None,
             wall_thickness: None,
+            unit: None,
         }
     }
 }
@@ -160,7 +165,8 @@ impl ImportConfig {
     pub fn unfit(&self, form: MapForm) -> Vec<&'static str> {
         use MapForm::{Igibson, Image, Ros};
         const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
-        let fields: [(&str, bool, &[MapForm]); 8] = [
+        const POLYGONS: [MapForm; 2] = [MapForm::Plan(PlanForm::Wkt), MapForm::Plan(PlanForm::GeoJson)];
+        let fields: [(&str, bool, &[MapForm]); 9] = [
             ("image_resolution", self.image_resolution.is_some(), &[Image]),
             ("threshold", self.threshold.is_some(), &[Image]),
             ("occupied_thresh", self.occupied_thresh.is_some(), &[Ros]),
@@ -169,6 +175,7 @@ impl ImportConfig {
             ("floor", self.floor.is_some(), &[Igibson]),
             ("level", self.level.is_some(), &[BUILDING]),
             ("wall_thickness", self.wall_thickness.is_some(), &[BUILDING]),
+            ("unit", self.unit.is_some(), &POLYGONS),
         ];
         fields.into_iter().filter(|(_, set, forms)| *set && !forms.contains(&form)).map(|(name, ..)| name).collect()
     }
@@ -218,13 +225,14 @@ mod tests {
     fn what_does_not_fit_the_form_is_named() {
         use MapForm::{Igibson, Image, Ros};
         const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
+        const WKT: MapForm = MapForm::Plan(PlanForm::Wkt);
         let check = |config: ImportConfig, fits: &[MapForm]| {
-            for form in [Ros, Image, Igibson, BUILDING] {
+            for form in [Ros, Image, Igibson, BUILDING, WKT] {
                 assert_eq!(config.unfit(form).is_empty(), fits.contains(&form), "{form}: {config:?}");
             }
         };
         let none = ImportConfig::default;
-        check(ImportConfig { resolution: 0.2, region: Region::All, ..none() }, &[Ros, Image, Igibson, BUILDING]);
+        check(ImportConfig { resolution: 0.2, region: Region::All, ..none() }, &[Ros, Image, Igibson, BUILDING, WKT]);
         check(ImportConfig { image_resolution: Some(0.1), ..none() }, &[Image]);
         check(ImportConfig { threshold: Some(0.5), ..none() }, &[Image]);
         check(ImportConfig { occupied_thresh: Some(0.5), ..none() }, &[Ros]);
@@ -233,5 +241,6 @@ mod tests {
         check(ImportConfig { floor: Some(0), ..none() }, &[Igibson]);
         check(ImportConfig { level: Some("L1".to_owned()), ..none() }, &[BUILDING]);
         check(ImportConfig { wall_thickness: Some(0.2), ..none() }, &[BUILDING]);
+        check(ImportConfig { unit: Some(Unit::Meter), ..none() }, &[WKT]);
     }
 }

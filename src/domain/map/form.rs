@@ -20,6 +20,10 @@ pub enum MapForm {
 pub enum PlanForm {
     /// A `building.yaml` of Open-RMF.
     Building,
+    /// Polygons in well-known text, such as JuPedSim's.
+    Wkt,
+    /// Polygons in GeoJSON.
+    GeoJson,
 }
 
 impl PlanForm {
@@ -28,6 +32,8 @@ impl PlanForm {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Building => "building",
+            Self::Wkt => "wkt",
+            Self::GeoJson => "geojson",
         }
     }
 }
@@ -39,6 +45,8 @@ impl fmt::Display for MapForm {
             Self::Image => "a plain image",
             Self::Igibson => "an iGibson scene",
             Self::Plan(PlanForm::Building) => "a building of Open-RMF",
+            Self::Plan(PlanForm::Wkt) => "polygons in WKT",
+            Self::Plan(PlanForm::GeoJson) => "GeoJSON",
         })
     }
 }

@@ -22,6 +22,16 @@ pub enum PlanError {
     Distance { level: String, at: Option<Position> },
     #[error("a pixel of level `{level}` is {meters} m, but must be from 0.00001 to 1000 m")]
     Scale { level: String, meters: f64 },
+    #[error("the WKT is not understood: expected {expected}, not {found}{}", place(&Some(*at)))]
+    Wkt { expected: &'static str, found: String, at: Position },
+    #[error("the GeoJSON is not understood: {message}{}", place(&Some(*at)))]
+    Json { message: String, at: Position },
+    #[error("{path} must be {expected}, not {found}")]
+    GeoJson { path: String, expected: &'static str, found: String },
+    #[error("the coordinates of GeoJSON are degrees by its standard, and no `unit` says otherwise")]
+    Degrees,
+    #[error("a ring ends where it begins and has three corners or more{path}{}", place(at))]
+    Ring { path: String, at: Option<Position> },
     #[error("{what} needs at least {least} points, not {points}{}", place(at))]
     Points { what: &'static str, least: usize, points: usize, at: Option<Position> },
     #[error("the coordinate `{value}` is no number of meters from -40,000,000 to 40,000,000{}", place(at))]
@@ -45,7 +55,9 @@ impl PlanError {
             | Self::Vertex { at, .. }
             | Self::Distance { at, .. }
             | Self::Points { at, .. }
+            | Self::Ring { at, .. }
             | Self::Coordinate { at, .. } => *at,
+            Self::Wkt { at, .. } | Self::Json { at, .. } => Some(*at),
             _ => None,
         }
     }

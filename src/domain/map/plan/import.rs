@@ -1,14 +1,15 @@
 //! `import-map`: the floor plans of others, from the bytes of their files.
 
-use super::building;
 use super::raster::{frame_of, rasterize};
 use super::shapes::Plan;
+use super::{building, geojson, wkt};
 use crate::domain::map::config::ImportConfig;
 use crate::domain::map::error::MapImportError;
 use crate::domain::map::form::{MapForm, PlanForm};
 use crate::domain::map::import::Imported;
 use crate::domain::map::indoors::choose;
 use crate::domain::map::observed::Observed;
+use crate::domain::map::picture::is_lfs_pointer;
 use crate::domain::map::reading::Reading;
 
 /// Reads a floor plan: areas, walls and doors become cells.
@@ -42,5 +43,9 @@ fn read(form: PlanForm, bytes: &[u8], config: &ImportConfig) -> Result<(Plan, Re
     let text = text.trim_start_matches('\u{feff}');
     match form {
         PlanForm::Building => building::read(text, config),
+        _ if text.trim().is_empty() => Err(MapImportError::Empty),
+        _ if is_lfs_pointer(bytes) => Err(MapImportError::LfsPointer { what: "plan" }),
+        PlanForm::Wkt => Ok(wkt::read(text, config)?),
+        PlanForm::GeoJson => Ok(geojson::read(text, config)?),
     }
 }

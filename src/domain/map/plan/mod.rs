@@ -6,11 +6,15 @@
 
 mod building;
 mod error;
+mod geojson;
 mod import;
 mod level;
+mod polygons;
 mod raster;
 mod scan;
 mod shapes;
+mod wkt;
 
 pub use error::PlanError;
 pub use import::{import_plan, plan_cells};
+pub use wkt::is_wkt;
