@@ -41,11 +41,12 @@ Examples:
   trodden annotate my_map.yaml --out annotated
   trodden annotate my_map.yaml --by both --out annotated
   trodden annotate plan.png --image-resolution 0.05 --out annotated
+  trodden annotate plan.png --scale 120,80:620,80=12.5m --out annotated
   trodden annotate clinic.building.yaml --level L1 --out annotated
   trodden annotate Rs_int --floor 0 --region all --model artifacts/latest/quickstart/model --out annotated"
 )]
 pub struct Args {
-    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a floor plan: a
+    /// A ROS `map_server` YAML, an image (with --image-resolution or --scale), the folder of an iGibson scene, or a floor plan: a
     /// `building.yaml` of Open-RMF, WKT or GeoJSON.
     map: PathBuf,
     /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model` [default: the model that trodden brings].

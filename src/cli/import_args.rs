@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::error::CliError;
-use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, Unit};
+use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, ScaleBar, Unit};
 use crate::stages::import_map::{self, ImportMap};
 use crate::stages::map_origin::Origin;
 
@@ -14,6 +14,10 @@ pub(super) struct ImportArgs {
     /// Edge of a pixel in meters, for a plain image.
     #[arg(long, value_name = "METERS")]
     image_resolution: Option<f64>,
+    /// The same by two points of the picture and their distance: `120,80:620,80=12.5m`, in pixels to the right and down from the
+    /// upper left corner.
+    #[arg(long, value_name = "SCALE", conflicts_with = "image_resolution")]
+    scale: Option<ScaleBar>,
     /// Brightness from which on a pixel is free, as a share of white, for a plain image [default: 0.5].
     #[arg(long, value_name = "SHARE")]
     threshold: Option<f64>,
@@ -53,6 +57,7 @@ impl ImportArgs {
             resolution: self.resolution,
             region: self.region,
             image_resolution: self.image_resolution,
+            scale: self.scale,
             threshold: self.threshold,
             occupied_thresh: self.occupied_thresh,
             free_thresh: self.free_thresh,

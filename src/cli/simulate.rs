@@ -30,7 +30,7 @@ Examples:
   trodden simulate plan.png --image-resolution 0.05 --preset comfortable --episodes 400 --out simulated"
 )]
 pub struct Args {
-    /// A ROS `map_server` YAML, an image (with --image-resolution), the folder of an iGibson scene, or a floor plan: a
+    /// A ROS `map_server` YAML, an image (with --image-resolution or --scale), the folder of an iGibson scene, or a floor plan: a
     /// `building.yaml` of Open-RMF, WKT or GeoJSON.
     map: PathBuf,
     #[command(flatten)]

@@ -49,7 +49,7 @@ impl ImportMap {
             let cells = plan_cells(*form, &bytes(file, MOST_PLAN)?, &import.config);
             return cells.map_err(|error| import.failed(error)).map(|_| import);
         }
-        if matches!(import.origin, Origin::Image(_)) && import.config.image_resolution.is_none() {
+        if matches!(import.origin, Origin::Image(_)) && import.config.pixel().is_none() {
             return Err(import.failed(MapImportError::ImageResolution));
         }
         let yaml = match &import.origin {
@@ -154,8 +154,11 @@ pub fn help(error: &MapImportError) -> Option<String> {
     let advice = match error {
         MapImportError::Plan(error) => plan_advice::help(error)?,
         MapImportError::ImageResolution => {
-            "write `files: { paths: [...], image_resolution: 0.05 }`, or `--image-resolution 0.05`"
+            "write `files: { paths: [...], image_resolution: 0.05 }`, or `--image-resolution 0.05`; or, by two points in pixels and \
+             their distance, `scale: \"120,80:620,80=12.5m\"`, or `--scale 120,80:620,80=12.5m`"
         }
+        MapImportError::TwoScales => "leave one of them out",
+        MapImportError::ScaleOutside { .. } => "count pixels from the upper left corner, to the right and down",
         MapImportError::Map(_) => "check thresholds and `negate`: free space must be brighter than walls",
         MapImportError::TooManyPixels { .. } => "scale the image down first",
         MapImportError::ImageCutShort
@@ -182,7 +185,7 @@ pub fn help(error: &MapImportError) -> Option<String> {
             MapForm::Ros => {
                 "leave it out: the YAML says it; `occupied_thresh`, `free_thresh` and `negate` replace what it says"
             }
-            MapForm::Image => "leave it out: plain images take `image_resolution`, `threshold` and `negate`",
+            MapForm::Image => "leave it out: plain images take `image_resolution`, `scale`, `threshold` and `negate`",
             MapForm::Igibson => "leave it out: scenes take `floor`; what is white in their pictures is free",
             MapForm::Plan(form) => plan_advice::unfit(*form),
         },
@@ -281,6 +284,10 @@ impl Stage for ImportMap {
         };
         let object = value.as_object_mut().expect("made as an object");
         object.extend(more.as_object().expect("made as an object").clone());
+        // Where it is not given, recipes are those from before there was one.
+        if let (MapForm::Image, Some(scale)) = (self.origin.form(), self.config.scale) {
+            object.insert("scale".to_owned(), json!(scale));
+        }
         value
     }
 

@@ -51,7 +51,7 @@ impl Origin {
         }
         let mut start = Vec::new();
         open_regular(path).and_then(|file| file.take(1 << 16).read_to_end(&mut start)).map_err(unreadable)?;
-        let plain = config.image_resolution.is_some() || config.threshold.is_some() || config.negate.is_some();
+        let plain = config.pixel().is_some() || config.threshold.is_some() || config.negate.is_some();
         let floor = path.file_name().and_then(|name| igibson_floor(&name.to_string_lossy()));
         if let Some(floor) = floor.filter(|_| !plain) {
             if let Some(wanted) = config.floor.filter(|wanted| *wanted != floor) {

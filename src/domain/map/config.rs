@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::MapImportError;
 use super::form::{MapForm, PlanForm};
+use super::scale_bar::ScaleBar;
 use super::unit::Unit;
 
 /// Which of the separate regions of free floor are kept.
@@ -86,6 +87,9 @@ pub struct ImportConfig {
     /// Edge of a pixel in meters of a plain image, which says nothing about its scale itself, 0.001 to 10.
     #[schemars(range(min = 0.001, max = 10.0))]
     pub image_resolution: Option<f64>,
+    /// The same by two points of the picture and their distance: `120,80:620,80=12.5m`, in pixels to the right and down from the
+    /// upper left corner.
+    pub scale: Option<ScaleBar>,
     /// Brightness from which on a pixel of a plain image is free, as a share of white, 0 to 1; 0.5 if it is left out.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub threshold: Option<f64>,
@@ -116,6 +120,7 @@ impl Default for ImportConfig {
             resolution: 0.1,
             region: Region::Largest,
             image_resolution: None,
+            scale: None,
             threshold: None,
             occupied_thresh: None,
             free_thresh: None,
@@ -148,10 +153,14 @@ impl ImportConfig {
         };
         within("resolution", self.resolution, 0.01, 1.0)?;
         within("image_resolution", self.image_resolution.unwrap_or(1.0), 0.001, 10.0)?;
+        within("scale", self.scale.map_or(1.0, |scale| scale.pixel()), 0.001, 10.0)?;
         within("threshold", self.threshold.unwrap_or(0.0), 0.0, 1.0)?;
         within("occupied_thresh", self.occupied_thresh.unwrap_or(0.0), 0.0, 1.0)?;
         within("free_thresh", self.free_thresh.unwrap_or(0.0), 0.0, 1.0)?;
         within("wall_thickness", self.wall_thickness.unwrap_or(1.0), 0.01, 2.0)?;
+        if self.image_resolution.is_some() && self.scale.is_some() {
+            return Err(MapImportError::TwoScales);
+        }
         match (self.occupied_thresh, self.free_thresh) {
             (Some(occupied), Some(free)) if occupied < free => {
                 Err(MapImportError::Thresholds { occupied, free, at: None })
@@ -160,14 +169,21 @@ impl ImportConfig {
         }
     }
 
+    /// Returns the edge of a pixel of a plain image in meters, if it is told.
+    #[must_use]
+    pub fn pixel(&self) -> Option<f64> {
+        self.image_resolution.or_else(|| self.scale.map(|scale| scale.pixel()))
+    }
+
     /// Returns the fields that are set although maps of this form have no use for them.
     #[must_use]
     pub fn unfit(&self, form: MapForm) -> Vec<&'static str> {
         use MapForm::{Igibson, Image, Ros};
         const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
         const POLYGONS: [MapForm; 2] = [MapForm::Plan(PlanForm::Wkt), MapForm::Plan(PlanForm::GeoJson)];
-        let fields: [(&str, bool, &[MapForm]); 9] = [
+        let fields: [(&str, bool, &[MapForm]); 10] = [
             ("image_resolution", self.image_resolution.is_some(), &[Image]),
+            ("scale", self.scale.is_some(), &[Image]),
             ("threshold", self.threshold.is_some(), &[Image]),
             ("occupied_thresh", self.occupied_thresh.is_some(), &[Ros]),
             ("free_thresh", self.free_thresh.is_some(), &[Ros]),
@@ -195,6 +211,8 @@ mod tests {
         check(ImportConfig { resolution: f64::NAN, ..plain() }, "resolution");
         check(ImportConfig { resolution: 0.0, ..plain() }, "resolution");
         check(ImportConfig { image_resolution: Some(-1.0), ..plain() }, "image_resolution");
+        check(ImportConfig { scale: "0,0:1,0=11m".parse().ok(), image_resolution: None, ..plain() }, "scale");
+        check(ImportConfig { scale: "0,0:1,0=1m".parse().ok(), ..plain() }, "scale");
         check(ImportConfig { threshold: Some(1.5), ..plain() }, "threshold");
         check(ImportConfig { free_thresh: Some(f64::INFINITY), ..plain() }, "free_thresh");
         check(ImportConfig { wall_thickness: Some(0.0), ..plain() }, "wall_thickness");
@@ -234,6 +252,7 @@ mod tests {
         let none = ImportConfig::default;
         check(ImportConfig { resolution: 0.2, region: Region::All, ..none() }, &[Ros, Image, Igibson, BUILDING, WKT]);
         check(ImportConfig { image_resolution: Some(0.1), ..none() }, &[Image]);
+        check(ImportConfig { scale: "0,0:1,0=1m".parse().ok(), ..none() }, &[Image]);
         check(ImportConfig { threshold: Some(0.5), ..none() }, &[Image]);
         check(ImportConfig { occupied_thresh: Some(0.5), ..none() }, &[Ros]);
         check(ImportConfig { free_thresh: Some(0.5), ..none() }, &[Ros]);

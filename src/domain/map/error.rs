@@ -23,6 +23,10 @@ pub enum MapImportError {
     Unfit { field: &'static str, form: MapForm },
     #[error("a plain image needs `image_resolution`, the edge of its pixels in meters")]
     ImageResolution,
+    #[error("`scale` and `image_resolution` both say how large a pixel is")]
+    TwoScales,
+    #[error("the point {x}, {y} of `scale` lies outside of the picture of {width} × {height} pixels")]
+    ScaleOutside { x: f64, y: f64, width: usize, height: usize },
     #[error("the file is empty")]
     Empty,
     #[error("the file is a pointer of Git LFS, not the {what} itself")]

@@ -79,13 +79,19 @@ fn pixels_of_ros(yaml: &MapYaml, image: &[u8]) -> Result<(Grid<Pixel>, Frame, Pi
 /// value 205 means nothing here. The lower left corner becomes the origin.
 ///
 /// # Errors
-/// [`MapImportError`] if `image_resolution` is missing, a parameter is out of range, the image is damaged or too large,
+/// [`MapImportError`] if `image_resolution` and `scale` are missing or both given, a parameter is out of range, the image is damaged or too large,
 /// or hardly anything is free.
 pub fn import_image(image: &[u8], config: &ImportConfig) -> Result<Imported, MapImportError> {
     config.check()?;
-    let resolution = config.image_resolution.ok_or(MapImportError::ImageResolution)?;
+    let resolution = config.pixel().ok_or(MapImportError::ImageResolution)?;
     let picture = Picture::decode(image)?;
     let mut pixels = picture.classify(|shade| plain_pixel(shade, config));
+    if let Some(scale) = config.scale {
+        let (width, height) = (pixels.cols(), pixels.rows());
+        if let Some(Point { x, y }) = scale.outside(width, height) {
+            return Err(MapImportError::ScaleOutside { x, y, width, height });
+        }
+    }
     let paper = config.negate != Some(true) && is_drawn_on_nothing(&picture, &pixels);
     if paper {
         pixels = picture.classify(|shade| plain_pixel(on_paper(shade), config));
@@ -205,6 +211,19 @@ mod tests {
         assert_eq!(import(&dark), ["######", "#....#", "######"]);
         let negated = ImportConfig { negate: Some(true), region: super::super::Region::All, ..plain() };
         assert_eq!(import(&negated)[2], "#.##.#..#");
+    }
+
+    #[test]
+    fn a_scale_is_as_good_as_a_resolution() {
+        let image = walled(&[&[255, 255, 255, 255]]);
+        let by = |scale: &str| {
+            let scale = Some(scale.parse().expect("a scale"));
+            import_image(&image, &ImportConfig { scale, image_resolution: None, ..plain() })
+        };
+        assert_eq!(by("1,0:5,0=4m").expect("a map"), import_image(&image, &plain()).expect("a map"));
+        assert_eq!(by("1,3:5,0=10m").expect("a map").map.free_area(), 16.0);
+        let error = by("1,0:7,0=4m").expect_err("the picture is 6 × 3").to_string();
+        assert_eq!(error, "the point 7, 0 of `scale` lies outside of the picture of 6 × 3 pixels");
     }
 
     fn ros(more: &str) -> MapYaml {
