@@ -245,6 +245,7 @@ targets! {
     map_yaml "map-yaml",
     building "building",
     wkt "wkt",
+    dxf "dxf",
     geojson "geojson",
     pgm "pgm",
     png "png",

@@ -36,12 +36,18 @@ pub(super) struct ImportArgs {
     /// Name of the level, for a building of Open-RMF [default: the only one].
     #[arg(long, value_name = "NAME")]
     level: Option<String>,
-    /// How thick walls are, for a building of Open-RMF [default: 0.1].
+    /// How thick walls are, for a building of Open-RMF or a DXF drawing [default: 0.1].
     #[arg(long, value_name = "METERS")]
     wall_thickness: Option<f64>,
-    /// Unit of the coordinates, for WKT [default: m] and GeoJSON: m, cm, mm, in or ft.
+    /// Unit of the coordinates, for WKT [default: m], GeoJSON, and DXF [default: what its header says]: m, cm, mm, in or ft.
     #[arg(long)]
     unit: Option<Unit>,
+    /// Layers whose lines are walls, for a DXF drawing: names with `*` and `?`, with commas between them.
+    #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
+    walls: Option<Vec<String>>,
+    /// Layers whose straight lines lie in doors, for a DXF drawing.
+    #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
+    doors: Option<Vec<String>>,
     /// Edge of a cell of the result in meters; models are trained on cells of one size.
     #[arg(long, value_name = "METERS", default_value_t = ImportConfig::default().resolution)]
     resolution: f64,
@@ -66,6 +72,8 @@ impl ImportArgs {
             level: self.level.clone(),
             wall_thickness: self.wall_thickness,
             unit: self.unit,
+            walls: self.walls.clone(),
+            doors: self.doors.clone(),
         }
     }
 

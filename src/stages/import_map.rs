@@ -123,6 +123,10 @@ impl ImportMap {
             PlanForm::Building => {
                 json!({ "source": form.name(), "level": self.config.level, "wall_thickness": thickness })
             }
+            PlanForm::Dxf => {
+                let ImportConfig { unit, walls, doors, .. } = &self.config;
+                json!({ "source": form.name(), "unit": unit, "walls": walls, "doors": doors, "wall_thickness": thickness })
+            }
             PlanForm::Wkt | PlanForm::GeoJson => {
                 json!({ "source": form.name(), "unit": self.config.unit.unwrap_or(Unit::Meter) })
             }

@@ -3,7 +3,9 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use crate::domain::map::{ImportConfig, MapForm, MapYaml, PlanForm, igibson_floor, igibson_image, is_image, is_wkt};
+use crate::domain::map::{
+    ImportConfig, MapForm, MapYaml, PlanForm, igibson_floor, igibson_image, is_dxf, is_image, is_wkt,
+};
 use crate::pipeline::stage::StageError;
 use crate::store::open_regular;
 
@@ -129,6 +131,9 @@ fn plan_form(path: &Path, start: &[u8]) -> Option<PlanForm> {
     let ends = |ending: &str| name.ends_with(ending);
     if ends(".wkt") || is_wkt(start.trim_start_matches('\u{feff}')) {
         return Some(PlanForm::Wkt);
+    }
+    if ends(".dxf") || is_dxf(start.trim_start_matches('\u{feff}')) {
+        return Some(PlanForm::Dxf);
     }
     if ends(".geojson")
         || start.trim_start_matches('\u{feff}').trim_start().starts_with('{') && start.contains("\"type\"")
@@ -257,6 +262,8 @@ mod tests {
         check("ward", "coordinate_system: reference_image\n", building, "ward");
         check("hall.wkt", "", MapForm::Plan(PlanForm::Wkt), "hall");
         check("hall.txt", "geometrycollection (polygon", MapForm::Plan(PlanForm::Wkt), "hall");
+        check("hall.dxf", "", MapForm::Plan(PlanForm::Dxf), "hall");
+        check("hall.txt", "  0\nSECTION\n", MapForm::Plan(PlanForm::Dxf), "hall");
         check("hall.geojson", "", MapForm::Plan(PlanForm::GeoJson), "hall");
         check("hall.json", "\n{\"type\": \"Polygon\"", MapForm::Plan(PlanForm::GeoJson), "hall");
         check("ros.yaml", "image: a.pgm\nlevels: 3\n", MapForm::Ros, "ros");

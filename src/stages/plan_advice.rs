@@ -23,6 +23,12 @@ pub(super) const fn help(error: &PlanError) -> Option<&'static str> {
         PlanError::Wkt { .. } | PlanError::Json { .. } | PlanError::GeoJson { .. } | PlanError::Ring { .. } => {
             "export it again: a plan is made of polygons, whose rings are closed"
         }
+        PlanError::DxfBinary => "save it as a text DXF, of any version",
+        PlanError::Dxf { .. } | PlanError::DxfGroup { .. } => "the file is damaged: save it again as a text DXF",
+        PlanError::DxfUnit { .. } => "say in which unit it is drawn: `unit: mm` (`--unit mm`)",
+        PlanError::Layers { .. } => {
+            "name those of walls, and of doors: `walls: [\"*WALL*\"], doors: [\"*DOOR*\"]`, or `--walls '*WALL*' --doors '*DOOR*'`"
+        }
         PlanError::Nothing => "check that it is the right file: a map is made of its walls and areas",
         PlanError::TooManyCells { .. } => {
             "check the plan's unit, or take larger cells: `resolution: 0.2` (`--resolution`)"
@@ -38,6 +44,7 @@ pub(super) const fn help(error: &PlanError) -> Option<&'static str> {
 pub(super) const fn unfit(form: PlanForm) -> &'static str {
     match form {
         PlanForm::Building => "leave it out: buildings take `level` and `wall_thickness`; measurements say the scale",
+        PlanForm::Dxf => "leave it out: drawings take `walls`, `doors`, `wall_thickness` and `unit`",
         PlanForm::Wkt | PlanForm::GeoJson => "leave it out: polygons take `unit`",
     }
 }

@@ -486,7 +486,14 @@ fn plans_that_cannot_be_read() {
     place.write("hall.geojson", r#"{"type": "Polygon", "coordinates": [[[8, 50], [9, 50], [9, 51], [8, 50]]]}"#);
     place.write("tiny.wkt", "POLYGON ((0 0, 900 0, 900 900, 0 900, 0 0))");
     place.write("empty.wkt", "");
-    let requests: [&[&str]; 9] = [
+    let line =
+        "  0\nSECTION\n  2\nENTITIES\n  0\nLINE\n  8\nA-BASE\n 10\n0\n 20\n0\n 11\n9\n 21\n9\n  0\nENDSEC\n  0\nEOF\n";
+    place.write("plan.dxf", line);
+    place.write("cut.dxf", &line[..60]);
+    let requests: [&[&str]; 12] = [
+        &["plan.dxf", "--walls", "*wall*"],
+        &["plan.dxf", "--unit", "m", "--walls", "*wall*"],
+        &["cut.dxf", "--unit", "m"],
         &["two.building.yaml"],
         &["two.building.yaml", "--level", "L3"],
         &["bare.building.yaml"],

@@ -19,6 +19,7 @@ pub fn target(name: &str) -> Option<Target> {
         "map-yaml" => Some(map_yaml()),
         "building" => Some(building()),
         "wkt" => Some(polygons("wkt", PlanForm::Wkt, WKT.as_bytes())),
+        "dxf" => Some(polygons("dxf", PlanForm::Dxf, DXF.as_bytes())),
         "geojson" => Some(polygons("geojson", PlanForm::GeoJson, GEOJSON.as_bytes())),
         "pipeline" => Some(pipeline()),
         "recipe" => Some(recipe()),
@@ -98,9 +99,17 @@ const GEOJSON: &str = "{\"type\": \"FeatureCollection\", \"features\": [{\"type\
     \"geometry\": {\"type\": \"Polygon\", \"coordinates\": [[[0, 0], [9, 0], [9, 9.5], [0, 9e0], [0, 0]], [[1, 1], [2, 1], [2, 2], \
     [1, 1]]]}}, {\"type\": \"Feature\", \"geometry\": null}, {\"type\": \"GeometryCollection\", \"geometries\": []}]}";
 
+const DXF: &str = "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n6\n0\nENDSEC\n0\nSECTION\n2\nBLOCKS\n0\nBLOCK\n2\nunit\n10\n0\n20\n0\n0\n\
+    ARC\n8\n0\n10\n1\n20\n1\n40\n1\n50\n0\n51\n90\n0\nENDBLK\n0\nENDSEC\n0\nSECTION\n2\nENTITIES\n0\nLWPOLYLINE\n8\nwalls\n70\n1\n\
+    10\n0\n20\n0\n10\n9\n20\n0\n42\n0.5\n10\n9\n20\n9\n10\n0\n20\n9\n0\nINSERT\n8\nwalls\n2\nunit\n10\n2\n20\n2\n41\n2\n70\n2\n44\n3\n0\n\
+    LINE\n8\nwalls\n10\n0\n20\n4\n11\n5\n21\n4\n0\nCIRCLE\n8\nwalls\n10\n4\n20\n6\n40\n0.5\n0\nPOLYLINE\n8\nwalls\n70\n0\n0\nVERTEX\n10\n1\n\
+    20\n1\n0\nVERTEX\n10\n2\n20\n1\n0\nSEQEND\n0\nENDSEC\n0\nEOF\n";
+
 fn polygons(name: &'static str, form: PlanForm, seed: &[u8]) -> Target {
     Target::new(name, vec![seed.to_vec()], yaml, move |input| {
-        let config = ImportConfig { unit: Some(Unit::Meter), ..ImportConfig::default() };
+        // What a form has no use for means nothing.
+        let walls = Some(vec!["wall*".to_owned()]);
+        let config = ImportConfig { unit: Some(Unit::Meter), walls, ..ImportConfig::default() };
         import_plan(form, input, &config).is_ok()
     })
 }

@@ -59,3 +59,18 @@ fn geometries_of_jupedsim_keep_their_coordinates() {
     // A room, the middle of a door, the wall beside it.
     assert!(is_free(&rooms, 1.5, 6.5) && is_free(&rooms, 1.5, 5.0) && !is_free(&rooms, 0.5, 5.0));
 }
+
+#[test]
+fn drawings_of_jupedsim_have_walls_on_layers() {
+    let check = |file: &str, area: f64, found: &[&str]| {
+        let walls = ["*walkablearea", "jps-obstacles"].map(str::to_owned).to_vec();
+        let imported =
+            import(&format!("jupedsim/{file}.dxf"), &ImportConfig { walls: Some(walls), ..ImportConfig::default() })?;
+        assert_eq!(imported.reading.found, found);
+        assert!((imported.survey.kept - area).abs() < 0.1, "{file}: {} m²", imported.survey.kept);
+        Some(imported.map)
+    };
+    let left = "left out `jps-distributions`, `jps-exits`, 1 × MTEXT";
+    let Some(corner) = check("ISO-Corner", 39.2, &["6 wall lines on `walkablearea` in meters", left]) else { return };
+    assert!(is_free(&corner, 1.0, 1.0) && is_free(&corner, 11.0, 11.0) && !is_free(&corner, 5.0, 5.0));
+}

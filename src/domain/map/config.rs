@@ -105,13 +105,17 @@ pub struct ImportConfig {
     pub floor: Option<u32>,
     /// Name of the level of a building of Open-RMF; may be left out where there is only one.
     pub level: Option<String>,
-    /// How thick the walls of a building of Open-RMF are in meters, 0.01 to 2; 0.1 if it is left out, as Open-RMF's own tools
+    /// How thick the walls of a building of Open-RMF or of a DXF drawing are in meters, 0.01 to 2; 0.1 if it is left out, as Open-RMF's own tools
     /// build them.
     #[schemars(range(min = 0.01, max = 2.0))]
     pub wall_thickness: Option<f64>,
-    /// The unit of the coordinates of WKT, `m` if it is left out, and of GeoJSON, which is degrees by its standard and must be
-    /// told: `m`, `cm`, `mm`, `in` or `ft`.
+    /// The unit of the coordinates of WKT, `m` if it is left out, of GeoJSON, which is degrees by its standard and must be
+    /// told, and of a DXF drawing, instead of what its header says: `m`, `cm`, `mm`, `in` or `ft`.
     pub unit: Option<Unit>,
+    /// The layers of a DXF drawing whose lines are walls; `*` stands for any letters, `?` for one, capitals are no others.
+    pub walls: Option<Vec<String>>,
+    /// The layers of a DXF drawing whose straight lines lie in doors, which stand open.
+    pub doors: Option<Vec<String>>,
 }
 
 impl Default for ImportConfig {
@@ -129,6 +133,8 @@ impl Default for ImportConfig {
             level: None,
             wall_thickness: None,
             unit: None,
+            walls: None,
+            doors: None,
         }
     }
 }
@@ -180,8 +186,9 @@ impl ImportConfig {
     pub fn unfit(&self, form: MapForm) -> Vec<&'static str> {
         use MapForm::{Igibson, Image, Ros};
         const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
-        const POLYGONS: [MapForm; 2] = [MapForm::Plan(PlanForm::Wkt), MapForm::Plan(PlanForm::GeoJson)];
-        let fields: [(&str, bool, &[MapForm]); 10] = [
+        const DXF: MapForm = MapForm::Plan(PlanForm::Dxf);
+        const IN_UNITS: [MapForm; 3] = [MapForm::Plan(PlanForm::Wkt), MapForm::Plan(PlanForm::GeoJson), DXF];
+        let fields: [(&str, bool, &[MapForm]); 12] = [
             ("image_resolution", self.image_resolution.is_some(), &[Image]),
             ("scale", self.scale.is_some(), &[Image]),
             ("threshold", self.threshold.is_some(), &[Image]),
@@ -190,8 +197,10 @@ impl ImportConfig {
             ("negate", self.negate.is_some(), &[Ros, Image]),
             ("floor", self.floor.is_some(), &[Igibson]),
             ("level", self.level.is_some(), &[BUILDING]),
-            ("wall_thickness", self.wall_thickness.is_some(), &[BUILDING]),
-            ("unit", self.unit.is_some(), &POLYGONS),
+            ("wall_thickness", self.wall_thickness.is_some(), &[BUILDING, DXF]),
+            ("unit", self.unit.is_some(), &IN_UNITS),
+            ("walls", self.walls.is_some(), &[DXF]),
+            ("doors", self.doors.is_some(), &[DXF]),
         ];
         fields.into_iter().filter(|(_, set, forms)| *set && !forms.contains(&form)).map(|(name, ..)| name).collect()
     }
@@ -244,13 +253,17 @@ mod tests {
         use MapForm::{Igibson, Image, Ros};
         const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
         const WKT: MapForm = MapForm::Plan(PlanForm::Wkt);
+        const DXF: MapForm = MapForm::Plan(PlanForm::Dxf);
         let check = |config: ImportConfig, fits: &[MapForm]| {
-            for form in [Ros, Image, Igibson, BUILDING, WKT] {
+            for form in [Ros, Image, Igibson, BUILDING, WKT, DXF] {
                 assert_eq!(config.unfit(form).is_empty(), fits.contains(&form), "{form}: {config:?}");
             }
         };
         let none = ImportConfig::default;
-        check(ImportConfig { resolution: 0.2, region: Region::All, ..none() }, &[Ros, Image, Igibson, BUILDING, WKT]);
+        check(
+            ImportConfig { resolution: 0.2, region: Region::All, ..none() },
+            &[Ros, Image, Igibson, BUILDING, WKT, DXF],
+        );
         check(ImportConfig { image_resolution: Some(0.1), ..none() }, &[Image]);
         check(ImportConfig { scale: "0,0:1,0=1m".parse().ok(), ..none() }, &[Image]);
         check(ImportConfig { threshold: Some(0.5), ..none() }, &[Image]);
@@ -259,7 +272,9 @@ mod tests {
         check(ImportConfig { negate: Some(false), ..none() }, &[Ros, Image]);
         check(ImportConfig { floor: Some(0), ..none() }, &[Igibson]);
         check(ImportConfig { level: Some("L1".to_owned()), ..none() }, &[BUILDING]);
-        check(ImportConfig { wall_thickness: Some(0.2), ..none() }, &[BUILDING]);
-        check(ImportConfig { unit: Some(Unit::Meter), ..none() }, &[WKT]);
+        check(ImportConfig { wall_thickness: Some(0.2), ..none() }, &[BUILDING, DXF]);
+        check(ImportConfig { unit: Some(Unit::Meter), ..none() }, &[WKT, DXF]);
+        check(ImportConfig { walls: Some(vec![]), ..none() }, &[DXF]);
+        check(ImportConfig { doors: Some(vec![]), ..none() }, &[DXF]);
     }
 }

@@ -24,6 +24,8 @@ pub enum PlanForm {
     Wkt,
     /// Polygons in GeoJSON.
     GeoJson,
+    /// A drawing with layers.
+    Dxf,
 }
 
 impl PlanForm {
@@ -34,6 +36,7 @@ impl PlanForm {
             Self::Building => "building",
             Self::Wkt => "wkt",
             Self::GeoJson => "geojson",
+            Self::Dxf => "dxf",
         }
     }
 }
@@ -47,6 +50,7 @@ impl fmt::Display for MapForm {
             Self::Plan(PlanForm::Building) => "a building of Open-RMF",
             Self::Plan(PlanForm::Wkt) => "polygons in WKT",
             Self::Plan(PlanForm::GeoJson) => "GeoJSON",
+            Self::Plan(PlanForm::Dxf) => "a DXF drawing",
         })
     }
 }

@@ -30,6 +30,16 @@ pub enum PlanError {
     GeoJson { path: String, expected: &'static str, found: String },
     #[error("the coordinates of GeoJSON are degrees by its standard, and no `unit` says otherwise")]
     Degrees,
+    #[error("the drawing is a binary DXF, only text is read")]
+    DxfBinary,
+    #[error("the DXF is not understood: expected {expected}, not {found}{}", place(&Some(*at)))]
+    Dxf { expected: &'static str, found: String, at: Position },
+    #[error("a `{entity}` lacks the group {code}{}", place(&Some(*at)))]
+    DxfGroup { entity: String, code: i32, at: Position },
+    #[error("the header of the drawing names {found}")]
+    DxfUnit { found: String },
+    #[error("no layer of the drawing is one of walls; its layers: {layers}")]
+    Layers { layers: String },
     #[error("a ring ends where it begins and has three corners or more{path}{}", place(at))]
     Ring { path: String, at: Option<Position> },
     #[error("{what} needs at least {least} points, not {points}{}", place(at))]
@@ -57,7 +67,9 @@ impl PlanError {
             | Self::Points { at, .. }
             | Self::Ring { at, .. }
             | Self::Coordinate { at, .. } => *at,
-            Self::Wkt { at, .. } | Self::Json { at, .. } => Some(*at),
+            Self::Wkt { at, .. } | Self::Json { at, .. } | Self::Dxf { at, .. } | Self::DxfGroup { at, .. } => {
+                Some(*at)
+            }
             _ => None,
         }
     }

@@ -2,7 +2,7 @@
 
 use super::raster::{frame_of, rasterize};
 use super::shapes::Plan;
-use super::{building, geojson, wkt};
+use super::{building, dxf, geojson, wkt};
 use crate::domain::map::config::ImportConfig;
 use crate::domain::map::error::MapImportError;
 use crate::domain::map::form::{MapForm, PlanForm};
@@ -45,6 +45,7 @@ fn read(form: PlanForm, bytes: &[u8], config: &ImportConfig) -> Result<(Plan, Re
         PlanForm::Building => building::read(text, config),
         _ if text.trim().is_empty() => Err(MapImportError::Empty),
         _ if is_lfs_pointer(bytes) => Err(MapImportError::LfsPointer { what: "plan" }),
+        PlanForm::Dxf => Ok(dxf::read(text, config)?),
         PlanForm::Wkt => Ok(wkt::read(text, config)?),
         PlanForm::GeoJson => Ok(geojson::read(text, config)?),
     }

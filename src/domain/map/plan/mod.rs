@@ -5,6 +5,7 @@
 //! fits the map as it is.
 
 mod building;
+mod dxf;
 mod error;
 mod geojson;
 mod import;
@@ -15,6 +16,7 @@ mod scan;
 mod shapes;
 mod wkt;
 
+pub use dxf::is_dxf;
 pub use error::PlanError;
 pub use import::{import_plan, plan_cells};
 pub use wkt::is_wkt;
