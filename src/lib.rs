@@ -2,8 +2,8 @@
 //!
 //! From the floor plan of a building it predicts how often each spot is visited. It simulates crowds on maps, counts where
 //! they go, trains a small segmentation network on windows of map and counts, annotates maps that it has never seen and
-//! measures how well the annotation predicts the social cost of a robot's path. Every step is a stage of a pipeline over a
-//! store of content-hashed artifacts.
+//! measures how well the annotation predicts the social cost of a robot's path, and plans paths by it. Every step is a stage
+//! of a pipeline over a store of content-hashed artifacts.
 //!
 //! # Bird's-eye view
 //!
@@ -21,7 +21,7 @@
 //!
 //! | room | what it does | may import |
 //! |---|---|---|
-//! | [`domain`] | computes: maps, crowds, recordings, counts, labels, windows, the network, annotation, baselines, scores, costs | nothing of ours |
+//! | [`domain`] | computes: maps, crowds, recordings, counts, labels, windows, the network, annotation, baselines, scores, costs, paths | nothing of ours |
 //! | [`store`] | keeps: objects, recipes, runs, plain names, collection, verification | nothing of ours |
 //! | [`kinds`] | encodes: one file per artifact kind, value to bytes and back | domain, store |
 //! | [`pipeline`] | decides: file, plan, execution, events | store |

@@ -48,7 +48,8 @@ Examples:
   trodden plan-path my_map.yaml --from 2.5,1 --to 14,8.5 --lambda 0.5 --out path"
 )]
 pub struct Args {
-    /// A ROS `map_server` YAML, an image (with --image-resolution), or the folder of an iGibson scene.
+    /// A ROS `map_server` YAML, an image (with --image-resolution or --scale), the folder of an iGibson scene, or a floor plan: a
+    /// `building.yaml` of Open-RMF, DXF, WKT or GeoJSON.
     map: PathBuf,
     /// Where the robot is, as x,y in meters in the frame of the map.
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
@@ -102,8 +103,9 @@ impl Args {
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
         inputs.extend(self.heat.clone());
         self.out.check(&[CSV, GEOJSON, PICTURE], &inputs)?;
-        let Imported { map, survey } = import.import()?;
-        screen.remark(said(&survey));
+        let imported = import.import()?;
+        screen.remark(said(&imported));
+        let Imported { map, .. } = imported;
         let crowd = CrowdConfig { radius: self.radius, ..Preset::Comfortable.config() };
         let crowd = CrowdConfig { speed: crate::domain::crowd::Speed { mean: self.speed, ..crowd.speed }, ..crowd };
         let refused = |error: crate::domain::crowd::CrowdError| CliError::request(error.to_string());
