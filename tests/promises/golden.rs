@@ -322,7 +322,7 @@ fn output_changes_only_with_a_version() {
         "score 4 5f713bb00833299d",
         "score 4 d33dfa3850289abb",
         "cost 3 c66d2b415525f89a",
-        "plan-paths 1 b96dd1eb63d63bb9",
+        "plan-paths 1 63bbf77ab06d1a11",
         "wall-distance 1 63e44d4938f0ad51",
         "uniform 1 c600cd2330f318eb",
         "betweenness 1 ba8e7e4e140817e9",

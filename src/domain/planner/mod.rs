@@ -129,7 +129,7 @@ impl<'a> SocialPlanner<'a> {
     pub fn around(&mut self, detour: f64, ends: [Point; 2]) -> Option<Found> {
         let shortest = self.path(0.0, ends)?;
         let longest = shortest.route.length() * (1.0 + detour);
-        let mut paths = vec![shortest.clone()];
+        let mut paths = vec![shortest];
         if self.most > 0.0 {
             for k in 0..WEIGHTS {
                 let lambda = LEAST_WEIGHT * libm::exp2(0.5 * f64::from(k)) / self.most;
@@ -141,6 +141,10 @@ impl<'a> SocialPlanner<'a> {
                 paths.push(path);
             }
         }
+        // Of equally long ways over cells the straightened ones differ, and a dearer one may come out shorter.
+        let shortest = paths.iter().min_by(|a, b| a.route.length().total_cmp(&b.route.length()))?.clone();
+        let longest = shortest.route.length() * (1.0 + detour);
+        paths.retain(|path| path.route.length() <= longest);
         let least = paths.iter().map(|path| path.cost).fold(f64::INFINITY, f64::min);
         let mut enough = shortest.cost - NEARLY * (shortest.cost - least);
         if least < WORTH * shortest.cost {

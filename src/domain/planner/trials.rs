@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::{Path, PlannerError, SocialPlanner};
+use super::{Found, Path, PlannerError, SocialPlanner};
 use crate::domain::crowd::{Planner, Scene, Trip};
 use crate::domain::geometry::{Grid, Point};
 use crate::domain::random::Stream;
@@ -175,8 +175,11 @@ pub fn choose_paths(
     detour: f64,
     ends: [Point; 2],
 ) -> Option<Vec<(Chooser, Path)>> {
-    let shortest = model.path(0.0, ends)?;
+    let found = model.around(detour, ends)?;
+    let shortest = found.shortest.clone();
     let longest = shortest.route.length() * (1.0 + detour);
+    // Where nothing is worth it all take the same path.
+    let chosen = |found: Found| if found.is_worth_it() { found.best } else { shortest.clone() };
     let mut planner = Planner::new(scene);
     let clearance = scene.clearance_surcharge();
     let off_walls = (0..6).map(|k| 0.5f64.powi(k)).find_map(|weight| {
@@ -185,10 +188,10 @@ pub fn choose_paths(
     });
     let clearance = Path { route: off_walls.unwrap_or_else(|| shortest.route.clone()), ..shortest.clone() };
     let mut paths = vec![(Chooser::Clearance, clearance)];
-    paths.push((Chooser::Constant, constant.around(detour, ends)?.chosen()));
-    paths.push((Chooser::Model, model.around(detour, ends)?.chosen()));
+    paths.push((Chooser::Constant, chosen(constant.around(detour, ends)?)));
+    paths.push((Chooser::Model, chosen(found)));
     if let Some(oracle) = oracle {
-        paths.push((Chooser::Oracle, oracle.around(detour, ends)?.chosen()));
+        paths.push((Chooser::Oracle, chosen(oracle.around(detour, ends)?)));
     }
     paths.insert(0, (Chooser::Shortest, shortest));
     for (_, path) in &mut paths {

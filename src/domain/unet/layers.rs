@@ -170,7 +170,7 @@ impl Layers {
         self.layers.last().expect("a network has a head")
     }
 
-    /// Returns whether the kernels cut a layer's map into [tiles](super::ops::winograd) of two by two pixels.
+    /// Returns whether the kernels cut a layer's map into tiles of two by two pixels (Winograd's form).
     ///
     /// They do for all 3×3 convolutions of feature maps but those at the bottom: an image that is shifted by the network's
     /// [period](Architecture::period) shifts these by one pixel, and is to be computed as before.

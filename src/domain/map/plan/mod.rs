@@ -1,8 +1,8 @@
 //! Floor plans that are no grids: areas, walls and doors in meters.
 //!
-//! Each reader makes a [`Plan`] of the bytes of a file; one rasterizer makes cells of all of them. The frame of such a map
-//! is the plan's own: x to the right, y upwards, in meters, no rotation, so that what is recorded in the plan's coordinates
-//! fits the map as it is.
+//! Each reader makes a [`Plan`](shapes::Plan) of the bytes of a file; one rasterizer makes cells of all of them. The frame of
+//! such a map is the plan's own: x to the right, y upwards, in meters, no rotation, so that what is recorded in the plan's
+//! coordinates fits the map as it is.
 
 mod building;
 mod dxf;
