@@ -169,7 +169,7 @@ fn grid_of(path: &Path) -> Result<(Grid<bool>, Frame), CliError> {
     free_pixels(&yaml, &image).map_err(|error| failed(&error))
 }
 
-fn read(path: &Path) -> Result<Vec<u8>, CliError> {
+pub(super) fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     read_bounded(path, MOST_BYTES).map_err(|source| CliError::File { action: "read", path: path.to_owned(), source })
 }
 

@@ -9,28 +9,24 @@ use serde_json::json;
 
 use super::annotate::predict_by_default;
 use super::error::CliError;
+use super::export_nav2;
 use super::import_args::{ImportArgs, said};
 use super::out_folder::OutFolder;
 use super::screen::Screen;
-use crate::domain::crowd::{CrowdConfig, FEWEST_PEDESTRIANS, Preset, Scene};
+use crate::domain::crowd::{CrowdConfig, CrowdError, Planner, Preset, Scene, Speed, mean_pedestrians};
 use crate::domain::geometry::{Frame, Grid, Point};
 use crate::domain::map::{Imported, OccupancyMap};
 use crate::domain::planner::{Found, Path as Planned, SocialPlanner};
-use crate::domain::rank::relative_to_mean;
 use crate::domain::social::CostConfig;
 use crate::kinds::{Heat, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, planned_path};
 use crate::report::png;
-use crate::store::read_bounded;
 
 /// The files that it writes.
 const CSV: &str = "path.csv";
 const GEOJSON: &str = "path.geojson";
 const PICTURE: &str = "path.png";
-
-/// The most bytes of a heat that is read.
-const MOST_BYTES: u64 = 4 << 30;
 
 /// Arguments of `plan-path`.
 #[derive(Debug, clap::Args)]
@@ -107,19 +103,16 @@ impl Args {
         screen.remark(said(&imported));
         let Imported { map, .. } = imported;
         let crowd = CrowdConfig { radius: self.radius, ..Preset::Comfortable.config() };
-        let crowd = CrowdConfig { speed: crate::domain::crowd::Speed { mean: self.speed, ..crowd.speed }, ..crowd };
-        let refused = |error: crate::domain::crowd::CrowdError| CliError::request(error.to_string());
+        let crowd = CrowdConfig { speed: Speed { mean: self.speed, ..crowd.speed }, ..crowd };
+        let refused = |error: CrowdError| CliError::request(error.to_string());
         let scene = Scene::new(&map, &crowd).map_err(refused)?;
         let [from, to] = [("--from", self.from), ("--to", self.to)].map(|(name, place)| place.on(&map, &scene, name));
         let ends = [from?, to?];
         let heat = self.heat(&map, screen)?;
-        let density = match heat.density {
-            Some(density) => Some(density),
-            None => relative_to_mean(&heat.heat, map.free()),
-        };
+        let density = heat.relative_density(map.free());
         let density = density.ok_or_else(|| CliError::request("the heat says that nobody is anywhere"))?;
         let cost = CostConfig::default();
-        let people = self.people.unwrap_or_else(|| people(&map, &crowd));
+        let people = self.people.unwrap_or_else(|| mean_pedestrians(&crowd, &map));
         let mut planner = SocialPlanner::new(&scene, &density, map.free(), people, &cost);
         let found = match self.lambda {
             None => planner.around(self.detour, ends),
@@ -135,12 +128,10 @@ impl Args {
             ));
         };
         self.tell(&found, people, screen);
-        let heat_grid = heat.heat;
-        let is_worth_it = self.lambda.is_some() || found.is_worth_it();
-        let Found { shortest, best } = &found;
-        let planned = if is_worth_it { best } else { shortest };
+        let shortest = &found.shortest;
+        let planned = if self.lambda.is_some() { &found.best } else { found.chosen() };
         let frame = map.frame();
-        let picture = draw(frame, &heat_grid, map.free(), [shortest, planned], &import.origin().map_name());
+        let picture = draw(frame, &heat.heat, map.free(), [shortest, planned], &import.origin().map_name());
         let files = [
             (CSV, csv(frame, [shortest, planned]).into_bytes()),
             (GEOJSON, geojson(frame, [shortest, planned]).into_bytes()),
@@ -169,8 +160,7 @@ impl Args {
     /// Reads the heat, or lets the model tell one.
     fn heat(&self, map: &OccupancyMap, screen: &Screen) -> Result<Heat, CliError> {
         let Some(path) = &self.heat else { return predict_by_default(map, screen) };
-        let failed = |source| CliError::File { action: "read", path: path.clone(), source };
-        let heat = Placed::<Heat>::from_bytes(read_bounded(path, MOST_BYTES).map_err(failed)?)?;
+        let heat = Placed::<Heat>::from_bytes(export_nav2::read(path)?)?;
         if heat.frame != *map.frame() {
             let what = format!("`{}` does not lie on `{}` as it is read here", path.display(), self.map.display());
             return Err(CliError::advised(what, "give the map and the options that the heat was made with"));
@@ -202,7 +192,7 @@ impl Place {
     fn on(self, map: &OccupancyMap, scene: &Scene, name: &str) -> Result<Point, CliError> {
         let (frame, Self(place)) = (map.frame(), self);
         let local = frame.to_local(place);
-        if crate::domain::crowd::Planner::new(scene).fits(local) {
+        if Planner::new(scene).fits(local) {
             return Ok(local);
         }
         let what = format!("the robot does not fit at `{name}` {},{}", place.x, place.y);
@@ -220,12 +210,6 @@ impl Place {
         );
         Err(CliError::advised(what, advice))
     }
-}
-
-/// Returns how many people there are on average where crowds of pipelines walk.
-fn people(map: &OccupancyMap, crowd: &CrowdConfig) -> f64 {
-    let [fewest, most] = crowd.agents_on(map.free_area()).map(|count| count.max(FEWEST_PEDESTRIANS));
-    0.5 * (fewest + most) as f64
 }
 
 const NAMES: [&str; 2] = ["shortest", "planned"];

@@ -14,6 +14,7 @@ use super::raster::{self, Raster};
 use super::{KindError, Placed, SingleFile};
 use crate::domain::geometry::Grid;
 use crate::domain::quantize::{OBSTACLE, UNLABELED};
+use crate::domain::rank::relative_to_mean;
 use crate::domain::raster::DIRECTIONS;
 
 const KIND: &str = "Heat";
@@ -50,6 +51,16 @@ impl Heat {
     #[must_use]
     pub const fn new(free: Grid<bool>, heat: Grid<f32>) -> Self {
         Self { free, heat, density: None, flow: None, classes: None }
+    }
+
+    /// Returns the density of people relative to its mean over the `free` floor: as it is told, or else as the heat has it;
+    /// `None` where that is nothing everywhere.
+    ///
+    /// # Panics
+    /// If there is no density, and `free` is of another size.
+    #[must_use]
+    pub fn relative_density(&self, free: &Grid<bool>) -> Option<Grid<f32>> {
+        self.density.clone().or_else(|| relative_to_mean(&self.heat, free))
     }
 
     /// Returns what a model of classes predicts; the classes tell which cells are free.

@@ -7,7 +7,7 @@ use serde_json::Value;
 
 use super::crowd::{self, Steps};
 use super::{Definition, kind, read, refused, write};
-use crate::domain::crowd::{CrowdConfig, FEWEST_PEDESTRIANS, Route, Scene, TripConfig};
+use crate::domain::crowd::{CrowdConfig, FEWEST_PEDESTRIANS, Route, Scene, TripConfig, mean_pedestrians};
 use crate::domain::geometry::{Grid, Meters, Point};
 use crate::domain::map::OccupancyMap;
 use crate::domain::planner::{
@@ -126,12 +126,6 @@ impl PlanPaths {
     const fn cost(&self) -> CostConfig {
         CostConfig { sigma: self.sigma, delta: self.delta }
     }
-
-    /// Returns how many people a robot is to reckon with: the mean of those who walk there.
-    fn people(&self, map: &OccupancyMap) -> f64 {
-        let [fewest, most] = self.crowd.agents_on(map.free_area()).map(|count| count.max(FEWEST_PEDESTRIANS));
-        0.5 * (fewest + most) as f64
-    }
 }
 
 impl Stage for PlanPaths {
@@ -156,7 +150,7 @@ impl Stage for PlanPaths {
             super::same_frame("map", map.frame(), "steps", &counted.frame)?;
         }
         let scene = Scene::new(&map, &self.crowd).map_err(StageError::failed)?;
-        let trials = TrialConfig { pairs: self.pairs, least: self.least, detour: self.detour };
+        let trials = TrialConfig { pairs: self.pairs, least: self.least };
         let ends = pairs(&scene, &trials, context.seed, digest.as_bytes()).map_err(failed)?;
         let paths = self.paths(&scene, &map, &heat.value, counted.as_ref().map(|counted| &counted.value), &ends)?;
         let jobs: Vec<(u32, u32)> =
@@ -211,12 +205,9 @@ impl PlanPaths {
         counted: Option<&VisitCounts>,
         ends: &[[Point; 2]],
     ) -> Result<Vec<Vec<(Chooser, Path)>>, StageError> {
-        let (cost, people, free) = (self.cost(), self.people(map), map.free());
+        let (cost, people, free) = (self.cost(), mean_pedestrians(&self.crowd, map), map.free());
         let nobody = |what: &str| StageError::failed(PlainError(format!("{what} says that nobody is anywhere")));
-        let density = match &heat.density {
-            Some(density) => density.clone(),
-            None => relative_to_mean(&heat.heat, free).ok_or_else(|| nobody("the heat"))?,
-        };
+        let density = heat.relative_density(free).ok_or_else(|| nobody("the heat"))?;
         let even = free.map(|free| f32::from(u8::from(*free)));
         let known: Option<Grid<f32>> = counted
             .map(|counted| relative_to_mean(&counted.counts, free).ok_or_else(|| nobody("`steps`")))
@@ -237,10 +228,5 @@ impl PlanPaths {
 struct PlainError(String);
 
 fn failed(error: PlannerError) -> StageError {
-    match error {
-        PlannerError::NoPairs { .. } => {
-            StageError::failed(error).with_help("lower `least` or `pairs`: the map is too small")
-        }
-        error => StageError::failed(error),
-    }
+    StageError::failed(error).with_help("lower `least` or `pairs`: the map is too small")
 }

@@ -125,15 +125,17 @@ fn annotate_refuses_what_is_no_map_or_no_model() {
         &["flat.pgm", "--image-resolution", "0.1", "--model", model, "--region", "7,-7"],
         &["flat.pgm", "--image-resolution", "0.1", "--model", model, "--region", "biggest"],
     ];
-    let said: Vec<String> = requests
-        .iter()
-        .map(|words| {
-            let words = [&["annotate"], *words, &["--out", "out"]].concat();
-            format!("$ {}\n{}", words.join(" "), place.refused(2, &words))
-        })
-        .collect();
-    check("annotate-refused", &said.join("\n"));
+    check("annotate-refused", &refusals(&place, &requests));
     assert!(!place.path("out").exists());
+}
+
+/// Asks for maps to be annotated, each time with other words, and returns the requests with what they are refused with.
+fn refusals(place: &Place, requests: &[&[&str]]) -> String {
+    let refusal = |words: &&[&str]| {
+        let words = [&["annotate"], *words, &["--out", "out"]].concat();
+        format!("$ {}\n{}", words.join(" "), place.refused(2, &words))
+    };
+    requests.iter().map(refusal).collect::<Vec<String>>().join("\n")
 }
 
 /// A binary PGM of a white room of so many cells in a black wall, beside a smaller one.
@@ -504,12 +506,5 @@ fn plans_that_cannot_be_read() {
         &["tiny.wkt", "--unit", "mm"],
         &["empty.wkt", "--threshold", "0.5"],
     ];
-    let said: Vec<String> = requests
-        .iter()
-        .map(|words| {
-            let words = [&["annotate"], *words, &["--out", "out"]].concat();
-            format!("$ {}\n{}", words.join(" "), place.refused(2, &words))
-        })
-        .collect();
-    check("plans-refused", &said.join("\n"));
+    check("plans-refused", &refusals(&place, &requests));
 }

@@ -40,7 +40,7 @@ pub use navigation::{FEWEST_PEDESTRIANS, NavConfig, NavEpisode, Robot};
 pub use planned::Planner;
 pub use routes::Route;
 pub use scene::Scene;
-pub use trip::{Trip, TripConfig};
+pub use trip::{Trip, TripConfig, mean_pedestrians};
 pub use walkers::{Crowd, Status, Tally};
 
 use super::orca::OrcaError;

@@ -6,7 +6,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::domain::geometry::Point;
+use crate::domain::map::OccupancyMap;
 
+use super::config::CrowdConfig;
 use super::episode::{Source, Wanderers};
 use super::navigation::{FEWEST_PEDESTRIANS, Robot};
 use super::routes::Route;
@@ -16,6 +18,13 @@ use super::scene::Scene;
 const PATIENCE: (f64, f64) = (3.0, 30.0);
 /// The robot waits for at most so many seconds until nobody stands where it sets out.
 const LONGEST_WAIT: f64 = 30.0;
+
+/// Returns how many people a robot is to reckon with: the mean of those who walk among it on a map.
+#[must_use]
+pub fn mean_pedestrians(crowd: &CrowdConfig, map: &OccupancyMap) -> f64 {
+    let [fewest, most] = crowd.agents_on(map.free_area()).map(|count| count.max(FEWEST_PEDESTRIANS));
+    0.5 * (fewest + most) as f64
+}
 
 /// How a robot's trips are simulated besides the settings of the crowd.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -131,7 +140,6 @@ impl Scene {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::domain::crowd::CrowdConfig;
     use crate::domain::crowd::plans::plan;
 
     const HALL: [&str; 6] =

@@ -56,14 +56,19 @@ impl Found {
     /// Tells whether there is a way around people that is worth it: one that is expected to save more than a quarter.
     #[must_use]
     pub fn is_worth_it(&self) -> bool {
-        self.best.cost < WORTH * self.shortest.cost
+        saves_enough(self.best.cost, self.shortest.cost)
     }
 
     /// Returns the path to take: the best one where it is worth it, else the shortest.
     #[must_use]
-    pub fn chosen(self) -> Path {
-        if self.is_worth_it() { self.best } else { self.shortest }
+    pub fn chosen(&self) -> &Path {
+        if self.is_worth_it() { &self.best } else { &self.shortest }
     }
+}
+
+/// Tells whether a path that is expected to cost so much is worth taking in the place of the shortest one.
+fn saves_enough(cost: f64, shortest: f64) -> bool {
+    cost < WORTH * shortest
 }
 
 /// Plans paths on one map among people of whom the density is known.
@@ -147,7 +152,7 @@ impl<'a> SocialPlanner<'a> {
         paths.retain(|path| path.route.length() <= longest);
         let least = paths.iter().map(|path| path.cost).fold(f64::INFINITY, f64::min);
         let mut enough = shortest.cost - NEARLY * (shortest.cost - least);
-        if least < WORTH * shortest.cost {
+        if saves_enough(least, shortest.cost) {
             // It is to be worth it as well.
             enough = enough.min(0.5 * (least + WORTH * shortest.cost));
         }
@@ -197,7 +202,7 @@ mod tests {
         let Found { shortest, best } = found_within.clone();
         assert!((shortest.route.length() - 10.0).abs() < 1e-9 && shortest.lambda == 0.0);
         assert!(best.route.length() <= 11.0 && best.cost < 0.75 * shortest.cost, "{best:?}");
-        assert_eq!(found_within.chosen(), best);
+        assert_eq!(*found_within.chosen(), best);
         // Below them, where there is more room.
         assert!(best.route.points().iter().all(|at| at.y <= 3.01), "{:?}", best.route.points());
         assert!(found(crowd, 0.5).best.cost < best.cost);

@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::{Found, Path, PlannerError, SocialPlanner};
+use super::{Found, Path, PlannerError, SocialPlanner, saves_enough};
 use crate::domain::crowd::{Planner, Scene, Trip};
 use crate::domain::geometry::{Grid, Point};
 use crate::domain::random::Stream;
@@ -128,8 +128,6 @@ pub struct TrialConfig {
     pub pairs: u32,
     /// Least length of the shortest path between them, in meters.
     pub least: f64,
-    /// How much longer than the shortest path a path may be, as a share.
-    pub detour: f64,
 }
 
 /// Draws pairs of places on the open floor, uniformly and independently, that are at least so far apart on foot.
@@ -236,7 +234,7 @@ pub fn savings(trials: &Trials, only_worth_it: bool) -> Vec<Saving> {
     };
     let (shortest, model) = (of(Chooser::Shortest), of(Chooser::Model));
     let worth =
-        |at: usize| model.get(at).is_some_and(|model| model[0].expected < super::WORTH * shortest[at][0].expected);
+        |at: usize| model.get(at).is_some_and(|model| saves_enough(model[0].expected, shortest[at][0].expected));
     let wanted: Vec<usize> = (0..shortest.len()).filter(|at| !only_worth_it || worth(*at)).collect();
     let mean = |run: &[PathTrial], value: &dyn Fn(&Outcome) -> f64| {
         run.iter().fold(0.0, |sum, trial| sum + value(&trial.outcome)) / run.len() as f64

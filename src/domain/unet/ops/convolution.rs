@@ -29,6 +29,24 @@ pub(super) enum Then<'a> {
     Gate(&'a [f32]),
 }
 
+impl Then<'_> {
+    /// Does it to a register of sums that is to be written from number `at` of the target on.
+    ///
+    /// # Safety
+    /// The processor has the instruction set of `V`, and a gate has a register of numbers there.
+    #[inline(always)]
+    pub(super) unsafe fn applied<V: Lanes>(self, sum: V, at: usize) -> V {
+        // SAFETY: as for this function.
+        unsafe {
+            match self {
+                Then::Nothing => sum,
+                Then::Relu => sum.relu(),
+                Then::Gate(gate) => sum.gated(V::load(gate.as_ptr().add(at))),
+            }
+        }
+    }
+}
+
 /// Computes a convolution: what `sources` contribute is added up, onto `bias` (empty for none).
 ///
 /// The number of output channels is a multiple of the register's.
@@ -182,12 +200,7 @@ unsafe fn tile<V: Lanes, const P: usize, const N: usize>(
         for (p, pixel) in sums.into_iter().enumerate() {
             let at = row * target.row + (col + p) * target.pixel + output;
             for (n, sum) in pixel.into_iter().enumerate() {
-                let result = match then {
-                    Then::Nothing => sum,
-                    Then::Relu => sum.relu(),
-                    Then::Gate(gate) => sum.gated(V::load(gate.as_ptr().add(at + n * V::COUNT))),
-                };
-                result.store(target.data.as_mut_ptr().add(at + n * V::COUNT));
+                then.applied(sum, at + n * V::COUNT).store(target.data.as_mut_ptr().add(at + n * V::COUNT));
             }
         }
     }

@@ -413,12 +413,7 @@ unsafe fn gathered_tiles<V: Lanes>(products: &[f32], block: Block, bias: &[f32],
                 for i in 0..2 {
                     for (j, sum) in pair([a[i], b[i], c[i], d[i]]).into_iter().enumerate() {
                         let (sum, at) = (sum.plus(bias), (2 * row + i) * stride + (2 * col + j) * channels + channel);
-                        let result = match then {
-                            Then::Nothing => sum,
-                            Then::Relu => sum.relu(),
-                            Then::Gate(gate) => sum.gated(V::load(gate.as_ptr().add(at))),
-                        };
-                        result.store(target.data.as_mut_ptr().add(first + at));
+                        then.applied(sum, at).store(target.data.as_mut_ptr().add(first + at));
                     }
                 }
             }
