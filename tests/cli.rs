@@ -4,6 +4,7 @@
 //! pinned by filters. The snapshots lie in `cli/snapshots`.
 
 mod commands;
+mod exports;
 mod maps;
 mod plan_path;
 mod requests;

@@ -9,7 +9,7 @@ use serde_json::json;
 
 use super::annotate::predict_by_default;
 use super::error::CliError;
-use super::export_nav2;
+use super::heat_file::read_heat;
 use super::import_args::{ImportArgs, said};
 use super::out_folder::OutFolder;
 use super::screen::Screen;
@@ -18,7 +18,7 @@ use crate::domain::geometry::{Frame, Grid, Point};
 use crate::domain::map::{Imported, OccupancyMap};
 use crate::domain::planner::{Found, Path as Planned, SocialPlanner};
 use crate::domain::social::CostConfig;
-use crate::kinds::{Heat, Placed, SingleFile};
+use crate::kinds::Heat;
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, planned_path};
 use crate::report::png;
@@ -45,7 +45,7 @@ Examples:
 )]
 pub struct Args {
     /// A ROS `map_server` YAML, an image (with --image-resolution or --scale), the folder of an iGibson scene, or a floor plan: a
-    /// `building.yaml` of Open-RMF, DXF, WKT or GeoJSON.
+    /// `building.yaml` of Open-RMF, DXF, SVG, WKT or GeoJSON.
     map: PathBuf,
     /// Where the robot is, as x,y in meters in the frame of the map.
     #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
@@ -149,18 +149,13 @@ impl Args {
             ("--radius", Some(self.radius), 0.05, 2.0),
             ("--speed", Some(self.speed), 0.1, 10.0),
         ];
-        for (name, value, low, high) in ranges {
-            if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
-                return Err(CliError::request(format!("`{name}` is {value}, allowed are {low} to {high}")));
-            }
-        }
-        Ok(())
+        CliError::out_of_range(&ranges).map_or(Ok(()), Err)
     }
 
     /// Reads the heat, or lets the model tell one.
     fn heat(&self, map: &OccupancyMap, screen: &Screen) -> Result<Heat, CliError> {
         let Some(path) = &self.heat else { return predict_by_default(map, screen) };
-        let heat = Placed::<Heat>::from_bytes(export_nav2::read(path)?)?;
+        let heat = read_heat(path)?;
         if heat.frame != *map.frame() {
             let what = format!("`{}` does not lie on `{}` as it is read here", path.display(), self.map.display());
             return Err(CliError::advised(what, "give the map and the options that the heat was made with"));

@@ -17,6 +17,7 @@ pub mod random;
 pub mod rank;
 pub mod raster;
 pub mod recording;
+pub mod route_graph;
 pub mod score;
 pub mod social;
 pub mod tiles;

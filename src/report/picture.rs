@@ -9,7 +9,7 @@ use super::colors::{self, Rgb};
 
 pub use super::axis::Scale;
 pub use super::shown::{Shown, heat_picture};
-pub use super::tracks::planned_path;
+pub use super::tracks::{planned_path, route_graph};
 
 /// A picture, cell by cell.
 #[derive(Debug, Clone, PartialEq)]

@@ -2,6 +2,7 @@
 
 use crate::domain::geometry::{Cell, Frame, Grid, Point};
 use crate::domain::map::OccupancyMap;
+use crate::domain::route_graph::Role;
 use crate::domain::tracks::Sample;
 use crate::kinds::NavEpisodes;
 
@@ -98,7 +99,7 @@ pub fn episodes(frame: &Frame, episodes: &NavEpisodes, map: Option<&OccupancyMap
         }
     }
     for start in starts {
-        dot(&mut pixels, &fine, start, 0.12);
+        dot(&mut pixels, &fine, start, 0.12, colors::ROBOT);
     }
     let mut legend = vec![
         ("robot, from its dot".to_owned(), colors::ROBOT),
@@ -114,24 +115,58 @@ pub fn episodes(frame: &Frame, episodes: &NavEpisodes, map: Option<&OccupancyMap
 /// they begin.
 #[must_use]
 pub fn planned_path(frame: &Frame, heat: &Grid<f32>, free: &Grid<bool>, paths: [&[Point]; 2]) -> Picture {
-    let fine = finer(frame);
-    let factor = fine.rows / frame.rows;
-    let mut pixels = Grid::from_fn(fine.rows, fine.cols, |pixel| {
-        let cell = Cell::new(pixel.row / factor, pixel.col / factor);
-        if free[cell] { colors::mix(colors::value(f64::from(heat[cell])), colors::PAPER, 0.55) } else { colors::WALL }
-    });
+    let (fine, factor, mut pixels) = faded(frame, heat, free);
     let kinds = [("shortest path", colors::PEDESTRIAN), ("planned path", colors::ROBOT)];
     for (points, (_, color)) in paths.iter().zip(kinds) {
         for pair in points.windows(2) {
             line(&fine, pair[0], pair[1], |cell| brush(&mut pixels, cell, color, 1.0, factor.max(1)));
         }
         if let Some(start) = points.first() {
-            dot(&mut pixels, &fine, *start, 0.15);
+            dot(&mut pixels, &fine, *start, 0.15, colors::ROBOT);
         }
     }
     let mut legend = kinds.map(|(name, color)| (name.to_owned(), color)).to_vec();
     legend.push(("blocked".to_owned(), colors::WALL));
     Picture::painted(Some(fine), pixels, legend)
+}
+
+/// Draws a graph of ways over a heat: its places, and the pairs of them that lines join.
+#[must_use]
+pub fn route_graph(
+    frame: &Frame,
+    heat: &Grid<f32>,
+    free: &Grid<bool>,
+    places: &[(Point, Role)],
+    lines: &[[usize; 2]],
+) -> Picture {
+    let (fine, factor, mut pixels) = faded(frame, heat, free);
+    for [a, b] in lines.iter().map(|ends| ends.map(|end| places[end].0)) {
+        line(&fine, a, b, |cell| brush(&mut pixels, cell, colors::PEDESTRIAN, 1.0, factor.max(2) - 1));
+    }
+    let kinds = [
+        (Role::Door, "door", colors::ROBOT, 0.3),
+        (Role::Crossing, "crossing", colors::INK, 0.2),
+        (Role::End, "end", colors::EMPTY, 0.2),
+    ];
+    for (kind, _, color, radius) in kinds {
+        for (place, _) in places.iter().filter(|(_, role)| *role == kind) {
+            dot(&mut pixels, &fine, *place, radius, color);
+        }
+    }
+    let mut legend: Vec<_> = kinds.iter().map(|(_, name, color, _)| ((*name).to_owned(), *color)).collect();
+    legend.extend([("way".to_owned(), colors::PEDESTRIAN), ("blocked".to_owned(), colors::WALL)]);
+    Picture::painted(Some(fine), pixels, legend)
+}
+
+/// Paints a heat in light colors, to draw over: on a finer grid, so many of its cells along a side of each.
+fn faded(frame: &Frame, heat: &Grid<f32>, free: &Grid<bool>) -> (Frame, usize, Grid<Rgb>) {
+    let fine = finer(frame);
+    let factor = fine.rows / frame.rows;
+    let pixels = Grid::from_fn(fine.rows, fine.cols, |pixel| {
+        let cell = Cell::new(pixel.row / factor, pixel.col / factor);
+        if free[cell] { colors::mix(colors::value(f64::from(heat[cell])), colors::PAPER, 0.55) } else { colors::WALL }
+    });
+    (fine, factor, pixels)
 }
 
 /// Colors a pixel and its neighbors to the right and below within `reach`.
@@ -144,8 +179,8 @@ fn brush(pixels: &mut Grid<Rgb>, cell: Cell, color: Rgb, share: f64, reach: usiz
     }
 }
 
-/// Draws a disc of a radius in meters with a light rim.
-fn dot(pixels: &mut Grid<Rgb>, fine: &Frame, center: Point, radius: f64) {
+/// Draws a disc of a radius in meters and a color, with a light rim.
+fn dot(pixels: &mut Grid<Rgb>, fine: &Frame, center: Point, radius: f64, color: Rgb) {
     let radius = radius.max(1.5 * fine.resolution);
     let reach = (radius / fine.resolution).ceil() as isize + 1;
     let (row, col) = fine.signed_cell(center);
@@ -156,7 +191,7 @@ fn dot(pixels: &mut Grid<Rgb>, fine: &Frame, center: Point, radius: f64) {
                 let distance = fine.center(cell).distance(center);
                 if distance <= radius {
                     let rim = distance > radius - fine.resolution;
-                    pixels[cell] = if rim { colors::PAPER } else { colors::ROBOT };
+                    pixels[cell] = if rim { colors::PAPER } else { color };
                 }
             }
         }

@@ -56,8 +56,8 @@ impl Scene {
 pub struct Planner<'s> {
     scene: &'s Scene,
     search: Search,
-    /// The cells in which the center of a disc may be.
-    open: Vec<Cell>,
+    /// The cells in which the center of a disc may be, one after the other.
+    open_cells: Vec<Cell>,
 }
 
 impl<'s> Planner<'s> {
@@ -65,8 +65,8 @@ impl<'s> Planner<'s> {
     #[must_use]
     pub fn new(scene: &'s Scene) -> Self {
         let open = scene.space().open();
-        let open = open.cells().filter(|cell| open[*cell]).collect();
-        Self { scene, search: scene.router().search(), open }
+        let open_cells = open.cells().filter(|cell| open[*cell]).collect();
+        Self { scene, search: scene.router().search(), open_cells }
     }
 
     /// Finds the way between two points, the start first, on which the sum of length · (1 + `weight` · surcharge) is least, for
@@ -88,9 +88,21 @@ impl<'s> Planner<'s> {
     /// Draws two places on the open floor, uniformly and independently; `None` if no way can join them.
     pub fn draw_ends(&self, stream: &mut Stream) -> Option<[Point; 2]> {
         let space = self.scene.space();
-        let [from, to] = [(); 2].map(|()| self.open[stream.below(self.open.len())]);
+        let [from, to] = [(); 2].map(|()| self.open_cells[stream.below(self.open_cells.len())]);
         let frame = space.map().frame();
         (space.regions()[from] == space.regions()[to]).then(|| [from, to].map(|cell| frame.center(cell)))
+    }
+
+    /// Returns the cells at whose center a disc of the crowd's radius touches no blocked cell.
+    #[must_use]
+    pub const fn open(&self) -> &Grid<bool> {
+        self.scene.space().open()
+    }
+
+    /// Tells whether every cell that a line between two points touches is open.
+    #[must_use]
+    pub fn sees(&self, [a, b]: [Point; 2]) -> bool {
+        self.scene.space().sees(a, b)
     }
 
     /// Tells whether a disc of the crowd's radius fits at a point, or within a cell's width of it.

@@ -122,6 +122,18 @@ impl<'a> SocialPlanner<'a> {
         self.planner.fits(point)
     }
 
+    /// Returns the cells at whose center the robot touches no wall.
+    #[must_use]
+    pub const fn open(&self) -> &Grid<bool> {
+        self.planner.open()
+    }
+
+    /// Tells whether the robot gets straight from one point to another.
+    #[must_use]
+    pub fn sees(&self, ends: [Point; 2]) -> bool {
+        self.planner.sees(ends)
+    }
+
     /// Finds the path with the least length + λ · expected social cost, λ in meters per unit; `None` if nothing joins the ends.
     pub fn path(&mut self, lambda: f64, ends: [Point; 2]) -> Option<Path> {
         let route = self.planner.way(&self.surcharge, lambda, ends)?;

@@ -1,7 +1,7 @@
 //! Names the moment at which a run began.
 
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::{Instant, SystemTime, UNIX_EPOCH};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use crate::store::Digest;
 
@@ -23,10 +23,21 @@ impl Begun {
         let (date, time) = date_and_time(since.as_secs());
         Self {
             id: format!("{}-{}-{ending}", date.replace('-', ""), time.replace(':', "")),
-            started: format!("{date}T{time}.{:03}Z", since.subsec_millis()),
+            started: written(since),
             instant: Instant::now(),
         }
     }
+}
+
+/// Returns the time as RFC 3339 has it, in UTC, with milliseconds.
+#[must_use]
+pub fn timestamp() -> String {
+    written(SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default())
+}
+
+fn written(since: Duration) -> String {
+    let (date, time) = date_and_time(since.as_secs());
+    format!("{date}T{time}.{:03}Z", since.subsec_millis())
 }
 
 /// Returns the date and the time of day of a moment in seconds since 1970, UTC.

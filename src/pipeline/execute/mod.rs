@@ -19,6 +19,7 @@ use super::ledger::Ledger;
 use super::spec::Pipeline;
 use crate::store::Store;
 
+pub use clock::timestamp;
 pub use options::Options;
 pub use run_report::{Failure, RunReport};
 

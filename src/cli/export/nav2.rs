@@ -1,21 +1,25 @@
-//! `export nav2`: a heat as masks for the costmap filters of Nav2, with the parameters to paste.
+//! `export nav2`: a heat as masks for the costmap filters of Nav2 and as a graph for its route server, with the parameters to
+//! paste.
 
 use std::path::{Path, PathBuf};
 
-use super::error::CliError;
-use super::out_folder::OutFolder;
-use super::screen::Screen;
+use serde_json::{Value, json};
+
+use super::nav2_params::{MASKS, parameters};
+use super::routes::{Laid, RouteArgs, role_name};
+use crate::cli::error::CliError;
+use crate::cli::heat_file::{read, read_heat};
+use crate::cli::out_folder::OutFolder;
+use crate::cli::screen::Screen;
 use crate::domain::geometry::{Frame, Grid};
 use crate::domain::map::{MapYaml, free_pixels};
 use crate::domain::masks::{self, MOST};
-use crate::kinds::{Heat, Placed, SingleFile};
-use crate::store::read_bounded;
+use crate::domain::route_graph::Edge;
 
-/// The most bytes of a file that is read.
-const MOST_BYTES: u64 = 4 << 30;
-
-/// The masks by name, with the type of their filter: 0 keepout, 1 speed in percent of the most, 4 zones.
-const MASKS: [(&str, u8); 3] = [("keepout", 0), ("speed", 1), ("zones", 4)];
+const GRAPH: &str = "route_graph.geojson";
+const PICTURE: &str = "route_graph.png";
+const PARAMETERS: &str = "nav2_params.yaml";
+const README: &str = "README.md";
 
 /// Arguments of `export nav2`.
 #[derive(Debug, clap::Args)]
@@ -36,16 +40,18 @@ pub(super) struct Args {
     /// Number of zones for the zone filter.
     #[arg(long, value_name = "NUMBER", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=16))]
     zones: u8,
+    #[command(flatten)]
+    routes: RouteArgs,
 }
 
 impl Args {
     pub(super) fn run(&self, screen: &Screen) -> Result<(), CliError> {
         let masks = MASKS.map(|(name, _)| [format!("{name}_mask.pgm"), format!("{name}_mask.yaml")]);
         let names: Vec<&str> =
-            masks.iter().flatten().map(String::as_str).chain(["nav2_params.yaml", "README.md"]).collect();
+            masks.iter().flatten().map(String::as_str).chain([GRAPH, PICTURE, PARAMETERS, README]).collect();
         let inputs: Vec<PathBuf> = std::iter::once(&self.heat).chain(&self.map).cloned().collect();
         self.out.check(&names, &inputs)?;
-        let heat = Placed::<Heat>::from_bytes(read(&self.heat)?)?;
+        let heat = read_heat(&self.heat)?;
         let (free, frame) = match &self.map {
             Some(map) => grid_of(map)?,
             None => (heat.value.free.clone(), heat.frame),
@@ -62,84 +68,19 @@ impl Args {
             files.push((image, pgm(values)));
             files.push((yaml, description(image, &frame).into_bytes()));
         }
-        files.push(("nav2_params.yaml", self.parameters().into_bytes()));
-        files.push(("README.md", self.readme().into_bytes()));
+        let laid = self.routes.lay_if_any(&heat, &self.heat, screen)?;
+        if let Some(laid) = &laid {
+            files.push((GRAPH, geojson(laid).into_bytes()));
+            files.push((PICTURE, laid.draw(&heat, "Route graph")));
+        } else {
+            screen.remark("no route graph: the robot gets nowhere on this floor");
+        }
+        files.push((PARAMETERS, parameters(self.slowest, self.zones, laid.is_some().then_some(GRAPH)).into_bytes()));
+        files.push((README, self.readme(laid.as_ref()).into_bytes()));
         self.out.write(&files, screen)
     }
 
-    /// Writes the parameters of the servers and filters.
-    fn parameters(&self) -> String {
-        let mut text = String::from("# Paste what you need into the parameters of your robot.\n");
-        let speed = -(100.0 - f64::from(self.slowest)) / 100.0;
-        for (name, kind) in MASKS {
-            let (base, multiplier) = if name == "speed" { (100.0, speed) } else { (0.0, 1.0) };
-            text.push_str(&format!(
-                "{name}_filter_mask_server:
-  ros__parameters:
-    yaml_filename: {name}_mask.yaml
-    topic_name: /{name}_filter_mask
-    frame_id: map
-{name}_costmap_filter_info_server:
-  ros__parameters:
-    type: {kind}
-    filter_info_topic: /{name}_costmap_filter_info
-    mask_topic: /{name}_filter_mask
-    base: {base:.1}
-    multiplier: {multiplier:?}
-"
-            ));
-        }
-        text.push_str(
-            "global_costmap:
-  global_costmap:
-    ros__parameters:
-      filters: [keepout_filter, speed_filter]
-      keepout_filter:
-        plugin: nav2_costmap_2d::KeepoutFilter
-        enabled: true
-        filter_info_topic: /keepout_costmap_filter_info
-      speed_filter:
-        plugin: nav2_costmap_2d::SpeedFilter
-        enabled: true
-        filter_info_topic: /speed_costmap_filter_info
-        speed_limit_topic: /speed_limit
-local_costmap:
-  local_costmap:
-    ros__parameters:
-      filters: [zone_filter]
-      zone_filter:
-        plugin: nav2_costmap_2d::ZoneParameterFilter
-        enabled: true
-        filter_info_topic: /zones_costmap_filter_info
-        # An example: the largest speed of a controller, less in each zone. Set the node, the parameter and the values that
-        # your robot has; the values under nominal_defaults are set outside of all zones.
-        nominal_defaults: [speed]
-        nominal_defaults.speed:
-          node: controller_server
-          parameter: FollowPath.max_vel_x
-          value: 0.5
-",
-        );
-        let states: Vec<String> = (1..=self.zones).map(|zone| format!("busy_{zone}")).collect();
-        text.push_str(&format!("        states: [{}]\n", states.join(", ")));
-        for (zone, state) in (1..).zip(&states) {
-            let busy = f64::from(zone - 1) / f64::from(self.zones - 1);
-            let value = 0.5 * (1.0 + speed * busy);
-            text.push_str(&format!(
-                "        {state}:
-          id: {zone}
-          setpoints: [speed]
-          speed:
-            node: controller_server
-            parameter: FollowPath.max_vel_x
-            value: {value:.3}
-"
-            ));
-        }
-        text
-    }
-
-    fn readme(&self) -> String {
+    fn readme(&self, laid: Option<&Laid>) -> String {
         let Self { most, slowest, zones, .. } = self;
         format!(
             "# Where people walk, for Nav2
@@ -151,11 +92,12 @@ Masks of one grid, `mode: raw`: a pixel is the value of its cell.
 - `speed_mask`: the same in percent. With base 100 and the multiplier in `nav2_params.yaml` the robot goes at full speed where
   nobody walks, and at {slowest} % of it on the busiest floor.
 - `zones_mask`: zones 1 to {zones} by rising heat for a zone parameter filter; 0 is the nominal state.
-
-A value is a rank: the share of the floor on which fewer people walk. `nav2_params.yaml` has the servers, the filters and their
+{graph}
+A value of a mask is a rank: the share of the floor on which fewer people walk. `nav2_params.yaml` has the servers, the filters and their
 topics; all servers are lifecycle nodes and want to be started by a lifecycle manager.
 ",
-            cost = (f64::from(*most) * 254.0 / 100.0).round()
+            cost = (f64::from(*most) * 254.0 / 100.0).round(),
+            graph = laid.map(about_graph).unwrap_or_default(),
         )
     }
 }
@@ -169,8 +111,50 @@ fn grid_of(path: &Path) -> Result<(Grid<bool>, Frame), CliError> {
     free_pixels(&yaml, &image).map_err(|error| failed(&error))
 }
 
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, CliError> {
-    read_bounded(path, MOST_BYTES).map_err(|source| CliError::File { action: "read", path: path.to_owned(), source })
+/// Says what the route graph is.
+fn about_graph(laid: &Laid) -> String {
+    format!(
+        "- `route_graph.geojson`: a graph for the route server, in meters in the frame of the map; `route_graph.png` shows it.
+  Nodes lie at doors, crossings, ends and bends (`class` in their metadata), edges are straight, one for each direction, and the
+  robot fits on them. The metadata of an edge have its expected `social_cost` (eq. 2 of the paper, with {:.1} people in the
+  building) and, as `penalty`, what that is worth in meters: {:.3} m a unit. The penalty scorer adds it to the length.
+",
+        laid.people, laid.lambda
+    )
+}
+
+/// Writes a graph as Nav2's route server reads it: nodes are points, edges lines with the ids of their ends, and no two of all of
+/// them have one id.
+fn geojson(laid: &Laid) -> String {
+    let feature = |properties: Value, geometry: Value| json!({ "type": "Feature", "properties": properties, "geometry": geometry });
+    let places: Vec<[f64; 2]> = laid.places().map(|(at, ..)| at).collect();
+    let node = |(number, (at, role, name)): (usize, ([f64; 2], _, Option<String>))| {
+        let mut metadata = json!({ "class": role_name(role) });
+        if let Some(name) = name {
+            metadata["name"] = name.into();
+        }
+        let properties = json!({ "id": number + 1, "frame": "map", "metadata": metadata });
+        feature(properties, json!({ "type": "Point", "coordinates": at }))
+    };
+    let edge = |(number, line): (usize, Edge)| {
+        let properties = json!({
+            "id": laid.len() + number + 1,
+            "startid": line.ends[0] + 1,
+            "endid": line.ends[1] + 1,
+            "metadata": { "penalty": rounded(laid.penalty(&line)), "social_cost": rounded(line.cost) },
+        });
+        let ends = line.ends.map(|end| places[end]);
+        feature(properties, json!({ "type": "MultiLineString", "coordinates": [ends] }))
+    };
+    let nodes = laid.places().enumerate().map(node);
+    let features: Vec<Value> = nodes.chain(laid.lines().enumerate().map(edge)).collect();
+    // What Nav2's own graphs say: coordinates are meters.
+    let crs = json!({ "type": "name", "properties": { "name": "urn:ogc:def:crs:EPSG::3857" } });
+    format!("{:#}\n", json!({ "type": "FeatureCollection", "name": "route_graph", "crs": crs, "features": features }))
+}
+
+fn rounded(value: f64) -> f64 {
+    (value * 1e4).round() / 1e4
 }
 
 /// Writes a binary PGM.

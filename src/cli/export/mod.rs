@@ -1,11 +1,17 @@
-//! `export`: what the store holds, in the form that others take.
+//! `export`: what the store holds, and heats, in the form that others take.
+
+mod lif;
+mod nav2;
+mod nav2_params;
+mod rmf;
+mod routes;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
 use super::screen::Screen;
-use super::{export_nav2, model_files, paths};
+use super::{model_files, paths};
 use crate::store::write_whole;
 
 /// Arguments of `export`.
@@ -13,7 +19,8 @@ use crate::store::write_whole;
 #[command(after_help = "Examples:
   trodden export model artifacts/latest/model/model --out my_model
   trodden annotate my_map.yaml --model my_model --out annotated
-  trodden export nav2 annotated/heat.parquet --map my_map.yaml --out masks")]
+  trodden export nav2 annotated/heat.parquet --map my_map.yaml --out nav2
+  trodden export rmf annotated/heat.parquet --level L1 --out rmf")]
 pub struct Args {
     #[command(subcommand)]
     what: What,
@@ -29,8 +36,13 @@ enum What {
         #[arg(long, short)]
         out: PathBuf,
     },
-    /// Write a heat as masks for the costmap filters of Nav2: keepout, speed and zones, with the parameters to paste.
-    Nav2(export_nav2::Args),
+    /// Write a heat for Nav2: masks for its costmap filters (keepout, speed and zones) and a graph for its route server, with
+    /// the parameters to paste.
+    Nav2(nav2::Args),
+    /// Write a graph of lanes for Open-RMF, on which busy lanes take longer.
+    Rmf(rmf::Args),
+    /// Write a graph of ways as a layout for VDA 5050 (LIF), on which busy edges are slower.
+    Lif(lif::Args),
 }
 
 impl Args {
@@ -38,6 +50,8 @@ impl Args {
         match &self.what {
             What::Model { checkpoint, out } => model(checkpoint, out, screen)?,
             What::Nav2(arguments) => arguments.run(screen)?,
+            What::Rmf(arguments) => arguments.run(screen)?,
+            What::Lif(arguments) => arguments.run(screen)?,
         }
         Ok(ExitCode::SUCCESS)
     }
