@@ -10,6 +10,7 @@ mod error;
 mod geojson;
 mod import;
 mod level;
+mod pattern;
 mod polygons;
 mod raster;
 mod scan;

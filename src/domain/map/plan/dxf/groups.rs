@@ -33,7 +33,21 @@ impl<'a> Record<'a> {
 
     /// Returns the first number of a code.
     pub fn required(&self, code: i32) -> Result<f64, PlanError> {
-        self.number(code)?.ok_or_else(|| PlanError::DxfGroup { entity: self.name.to_owned(), code, at: at(self.line) })
+        self.number(code)?.ok_or_else(|| PlanError::DxfGroup {
+            entity: self.name.to_owned(),
+            code,
+            at: self.position(),
+        })
+    }
+
+    /// Returns where it begins.
+    pub fn position(&self) -> Position {
+        at(self.line)
+    }
+
+    /// Returns the numbers of a code, in order.
+    pub fn numbers(&self, code: i32) -> Result<Vec<f64>, PlanError> {
+        self.groups.iter().filter(|group| group.code == code).map(Group::number).collect()
     }
 
     /// Returns whole numbers, such as flags; 0 where there is none.

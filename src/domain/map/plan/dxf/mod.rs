@@ -1,16 +1,20 @@
 //! DXF drawings: walls and doors by the names of their layers.
 //!
-//! Text files of any version: `LINE`, `LWPOLYLINE`, `POLYLINE`, `ARC`, `CIRCLE` and, through `INSERT`, blocks of these.
+//! Text files of any version: `LINE`, `LWPOLYLINE`, `POLYLINE`, `ARC`, `CIRCLE`, `ELLIPSE`, `SPLINE`, `HATCH`, `SOLID` and, through
+//! `INSERT`, blocks of these.
 //! Coordinates are the drawing's, in the unit that its header names (`$INSUNITS`) unless `unit` says another.
 
+mod curves;
 mod groups;
+mod hatch;
 mod strokes;
 
 use groups::{Record, records};
-use strokes::{Stroke, Strokes};
+use strokes::{Layer, Stroke, Strokes};
 
 use super::error::PlanError;
-use super::shapes::{Plan, Segment, on_earth};
+use super::pattern::is_any;
+use super::shapes::{Area, Plan, Segment, on_earth};
 use crate::domain::geometry::Point;
 use crate::domain::map::config::ImportConfig;
 use crate::domain::map::reading::{Reading, counted};
@@ -28,7 +32,7 @@ pub fn is_dxf(start: &str) -> bool {
 
 /// Reads the walls and doors of a drawing.
 ///
-/// All lines on the layers of walls are walls, also those around a solid. Doors are opened along the straight lines on their
+/// All lines on the layers of walls are walls, also those around a solid, and so is what is hatched there. Doors are opened along the straight lines on their
 /// layers; arcs there, the swings of doors, mean nothing.
 ///
 /// # Errors
@@ -51,10 +55,14 @@ pub(super) fn read(text: &str, config: &ImportConfig) -> Result<(Plan, Reading),
     }
     let mut reading = Reading::default();
     let segments = |patterns: &[String], wanted: &dyn Fn(&Stroke) -> bool| {
-        let found = picked(&strokes, patterns).flat_map(|(_, strokes)| strokes).filter(|stroke| wanted(stroke));
+        let found = picked(&strokes, patterns).flat_map(|(_, layer)| &layer.strokes).filter(|stroke| wanted(stroke));
         found.map(|stroke| segment(stroke, unit)).collect::<Result<Vec<_>, PlanError>>()
     };
+    let fills = picked(&strokes, walls).flat_map(|(_, layer)| &layer.fills);
+    let ring = |ring: &Vec<Point>| ring.iter().map(|point| meters(*point, unit)).collect::<Result<Vec<_>, _>>();
+    let area = |rings: &Vec<Vec<Point>>| Ok(Area { rings: rings.iter().map(ring).collect::<Result<_, _>>()? });
     let plan = Plan {
+        solids: fills.map(area).collect::<Result<_, PlanError>>()?,
         walls: segments(walls, &|_| true)?,
         doors: segments(doors, &|stroke| !stroke.curved)?,
         thickness: config.wall_thickness.unwrap_or(ImportConfig::WALL_THICKNESS),
@@ -63,7 +71,11 @@ pub(super) fn read(text: &str, config: &ImportConfig) -> Result<(Plan, Reading),
     let shown = |count: usize, what, patterns: &[String]| {
         format!("{} on {}", counted(count, what), names(&mut picked(&strokes, patterns).map(|(layer, _)| layer)))
     };
-    reading.found.push(format!("{} in {}", shown(plan.walls.len(), "wall line", walls), unit.plural()));
+    let fills = match plan.solids.len() {
+        0 => String::new(),
+        count => format!("{} and ", counted(count, "hatched area")),
+    };
+    reading.found.push(format!("{fills}{} in {}", shown(plan.walls.len(), "wall line", walls), unit.plural()));
     if picked(&strokes, doors).next().is_some() {
         reading.found.push(shown(plan.doors.len(), "door line", doors));
     } else if !doors.is_empty() {
@@ -79,25 +91,17 @@ pub(super) fn read(text: &str, config: &ImportConfig) -> Result<(Plan, Reading),
 }
 
 /// Returns the layers whose names fit any of the patterns, and what is drawn on them.
-fn picked<'a>(
-    strokes: &'a Strokes,
-    patterns: &'a [String],
-) -> impl Iterator<Item = (&'a String, &'a Vec<Stroke>)> + use<'a> {
+fn picked<'a>(strokes: &'a Strokes, patterns: &'a [String]) -> impl Iterator<Item = (&'a String, &'a Layer)> + use<'a> {
     strokes.layers.iter().filter(|(layer, _)| is_any(patterns, layer))
 }
 
-fn is_any(patterns: &[String], layer: &str) -> bool {
-    patterns.iter().any(|pattern| matches(pattern, layer))
+fn segment(stroke: &Stroke, unit: Unit) -> Result<Segment, PlanError> {
+    Ok(Segment { from: meters(stroke.from, unit)?, to: meters(stroke.to, unit)? })
 }
 
-fn segment(stroke: &Stroke, unit: Unit) -> Result<Segment, PlanError> {
-    let meters = |point: Point| {
-        Ok::<_, PlanError>(Point::new(
-            on_earth(point.x * unit.meters(), None)?,
-            on_earth(point.y * unit.meters(), None)?,
-        ))
-    };
-    Ok(Segment { from: meters(stroke.from)?, to: meters(stroke.to)? })
+fn meters(point: Point, unit: Unit) -> Result<Point, PlanError> {
+    let [x, y] = [point.x, point.y].map(|value| on_earth(value * unit.meters(), None));
+    Ok(Point::new(x?, y?))
 }
 
 /// Returns the unit that the header names.
@@ -113,26 +117,6 @@ fn unit_of(records: &[Record<'_>]) -> Result<Unit, PlanError> {
         "" | "0" => Err(PlanError::DxfUnit { found: "no unit".to_owned() }),
         other => Err(PlanError::DxfUnit { found: format!("the unit {other}, which is not read") }),
     }
-}
-
-/// Tells whether a layer's name fits a pattern, in which `*` stands for any letters and `?` for one; capitals are no others.
-fn matches(pattern: &str, name: &str) -> bool {
-    let [pattern, name] = [pattern, name].map(|text| text.to_lowercase().chars().collect::<Vec<char>>());
-    // How much of the name each part of the pattern can stand for.
-    let mut fits = vec![false; name.len() + 1];
-    fits[0] = true;
-    for sign in pattern {
-        if sign == '*' {
-            let first = fits.iter().position(|fits| *fits).unwrap_or(fits.len());
-            fits[first..].fill(true);
-        } else {
-            for at in (1..fits.len()).rev() {
-                fits[at] = fits[at - 1] && (sign == '?' || sign == name[at - 1]);
-            }
-            fits[0] = false;
-        }
-    }
-    fits[name.len()]
 }
 
 #[cfg(test)]

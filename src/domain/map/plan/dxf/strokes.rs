@@ -1,15 +1,15 @@
 //! The entities of a DXF file as strokes on layers: blocks are put where they are inserted, curves are made of chords.
 
 use std::collections::BTreeMap;
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 use super::super::error::PlanError;
 use super::super::shapes::MOST_POINTS;
+use super::curves::{Ellipse, Spline, bulge_center, turn, turned};
 use super::groups::{Group, Record};
+use super::hatch;
 use crate::domain::geometry::Point;
 
-/// The most that a chord of a curve turns: of a radius of 10 m it is a centimeter off.
-const TURN: f64 = PI / 36.0;
 /// How deep blocks may lie in blocks.
 const DEEPEST: usize = 16;
 
@@ -22,6 +22,14 @@ pub(super) struct Stroke {
     pub curved: bool,
 }
 
+/// What is drawn on a layer.
+#[derive(Debug, Default)]
+pub(super) struct Layer {
+    pub strokes: Vec<Stroke>,
+    /// What is filled: what an odd number of the rings of each surrounds.
+    pub fills: Vec<Vec<Vec<Point>>>,
+}
+
 /// A block: what it is drawn of, and the point of it that is put where it is inserted.
 struct Block<'a> {
     base: Point,
@@ -31,7 +39,7 @@ struct Block<'a> {
 /// What is drawn in a file.
 #[derive(Debug, Default)]
 pub(super) struct Strokes {
-    pub layers: BTreeMap<String, Vec<Stroke>>,
+    pub layers: BTreeMap<String, Layer>,
     /// How many entities there are of those that are no strokes, by name.
     pub others: BTreeMap<String, usize>,
     work: u64,
@@ -118,10 +126,13 @@ impl Strokes {
                 }
                 "ARC" => {
                     let [from, to] = [entity.required(50)?, entity.required(51)?].map(f64::to_radians);
-                    let turn = (to - from).rem_euclid(TAU);
-                    self.arc(layer, site.placement, entity, from, if turn > 0.0 { turn } else { TAU })?;
+                    self.arc(layer, site.placement, entity, from, turn(from, to))?;
                 }
                 "CIRCLE" => self.arc(layer, site.placement, entity, 0.0, TAU)?,
+                "ELLIPSE" => self.chain(layer, site.placement, &ellipse(entity)?)?,
+                "SPLINE" => self.chain(layer, site.placement, &spline(entity)?)?,
+                "HATCH" => self.fill(layer, turned_over(site.placement, entity)?, &hatch::rings(entity)?)?,
+                "SOLID" => self.fill(layer, turned_over(site.placement, entity)?, &[solid(entity)?])?,
                 "INSERT" => self.insert(entity, blocks, Site { layer, ..site })?,
                 "VERTEX" | "SEQEND" | "ATTRIB" | "ATTDEF" | "VIEWPORT" => {}
                 other => *self.others.entry(other.to_owned()).or_default() += 1,
@@ -132,11 +143,26 @@ impl Strokes {
 
     fn stroke(&mut self, layer: &str, by: Placement, ends: (Point, Point), curved: bool) -> Result<(), PlanError> {
         self.count()?;
-        let stroke = Stroke { from: by.of(ends.0), to: by.of(ends.1), curved };
-        match self.layers.get_mut(layer) {
-            Some(strokes) => strokes.push(stroke),
-            None => drop(self.layers.insert(layer.to_owned(), vec![stroke])),
+        self.layer(layer).strokes.push(Stroke { from: by.of(ends.0), to: by.of(ends.1), curved });
+        Ok(())
+    }
+
+    fn layer(&mut self, name: &str) -> &mut Layer {
+        if !self.layers.contains_key(name) {
+            self.layers.insert(name.to_owned(), Layer::default());
         }
+        self.layers.get_mut(name).expect("it is there by now")
+    }
+
+    /// Draws a curve through points.
+    fn chain(&mut self, layer: &str, by: Placement, points: &[Point]) -> Result<(), PlanError> {
+        points.windows(2).try_for_each(|pair| self.stroke(layer, by, (pair[0], pair[1]), true))
+    }
+
+    fn fill(&mut self, layer: &str, by: Placement, rings: &[Vec<Point>]) -> Result<(), PlanError> {
+        rings.iter().flatten().try_for_each(|_| self.count())?;
+        let placed = |ring: &Vec<Point>| ring.iter().map(|point| by.of(*point)).collect();
+        self.layer(layer).fills.push(rings.iter().map(placed).collect());
         Ok(())
     }
 
@@ -157,10 +183,7 @@ impl Strokes {
                 self.stroke(layer, by, (from, to), false)?;
                 continue;
             }
-            let turn = 4.0 * libm::atan(bulge);
-            let middle = (from + to) * 0.5;
-            let center = middle + (to - from).perpendicular() * (0.25 * (1.0 / bulge - bulge));
-            self.chords(layer, by, (from, center), turn)?;
+            self.chords(layer, by, (from, bulge_center(from, to, bulge)), 4.0 * libm::atan(bulge))?;
         }
         Ok(())
     }
@@ -175,15 +198,8 @@ impl Strokes {
     /// Draws chords around a center, counter-clockwise if the turn is positive.
     fn chords(&mut self, layer: &str, by: Placement, of: (Point, Point), turn: f64) -> Result<(), PlanError> {
         let (start, center) = of;
-        let (count, spoke) = ((turn.abs() / TURN - 1e-9).ceil().max(1.0), start - center);
-        let at = |step: f64| {
-            let angle = turn * step / count;
-            center + spoke * libm::cos(angle) + spoke.perpendicular() * libm::sin(angle)
-        };
-        for step in 0..count as usize {
-            self.stroke(layer, by, (at(step as f64), at(step as f64 + 1.0)), true)?;
-        }
-        Ok(())
+        let points: Vec<Point> = std::iter::once(start).chain(turned(start, center, turn)).collect();
+        self.chain(layer, by, &points)
     }
 
     /// Puts a block somewhere, once or in rows and columns.
@@ -210,6 +226,47 @@ impl Strokes {
         }
         Ok(())
     }
+}
+
+/// Reads an ellipse; its coordinates are the drawing's, also on the back of the sheet, where it runs the other way round.
+fn ellipse(entity: &Record<'_>) -> Result<Vec<Point>, PlanError> {
+    let center = Point::new(entity.required(10)?, entity.required(20)?);
+    let axis = Point::new(entity.required(11)?, entity.required(21)?);
+    let back = entity.number(230)?.is_some_and(|up| up < 0.0);
+    let ratio = entity.required(40)? * if back { -1.0 } else { 1.0 };
+    let (from, to) = (entity.number(41)?.unwrap_or(0.0), entity.number(42)?.unwrap_or(TAU));
+    Ok(Ellipse { center, axis, ratio }.points(from, turn(from, to)).collect())
+}
+
+/// Reads a spline by its control points, or else straight from one point that it runs through to the next.
+fn spline(entity: &Record<'_>) -> Result<Vec<Point>, PlanError> {
+    let points = |codes: [i32; 2]| {
+        let [x, y] = codes.map(|code| entity.numbers(code));
+        Ok::<_, PlanError>(x?.into_iter().zip(y?).map(|(x, y)| Point::new(x, y)).collect::<Vec<_>>())
+    };
+    let (knots, weights) = (entity.numbers(40)?, entity.numbers(41)?);
+    let controls = points([10, 20])?;
+    let weight = |at: usize| weights.get(at).copied().unwrap_or(1.0);
+    let weighted = controls.iter().enumerate().map(|(at, point)| (*point, weight(at))).collect();
+    let spline = Spline { degree: entity.whole(71)?.max(0) as usize, knots, controls: weighted };
+    match spline.points() {
+        Some(found) => Ok(found),
+        None => {
+            let passed = points([11, 21])?;
+            Ok(if passed.is_empty() { controls } else { passed })
+        }
+    }
+}
+
+/// Reads a filled triangle or quadrangle, whose last two corners stand in the wrong order.
+fn solid(entity: &Record<'_>) -> Result<Vec<Point>, PlanError> {
+    let corner = |at: i32| Ok::<_, PlanError>(Point::new(entity.required(10 + at)?, entity.required(20 + at)?));
+    let mut ring = vec![corner(0)?, corner(1)?];
+    if entity.number(13)?.is_some() {
+        ring.push(corner(3)?);
+    }
+    ring.push(corner(2)?);
+    Ok(ring)
 }
 
 type Blocks<'a> = BTreeMap<&'a str, Block<'a>>;
