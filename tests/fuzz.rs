@@ -246,6 +246,7 @@ targets! {
     building "building",
     wkt "wkt",
     dxf "dxf",
+    svg "svg",
     geojson "geojson",
     pgm "pgm",
     png "png",

@@ -47,7 +47,7 @@ Examples:
 )]
 pub struct Args {
     /// A ROS `map_server` YAML, an image (with --image-resolution or --scale), the folder of an iGibson scene, or a floor plan: a
-    /// `building.yaml` of Open-RMF, DXF, WKT or GeoJSON.
+    /// `building.yaml` of Open-RMF, DXF, SVG, WKT or GeoJSON.
     map: PathBuf,
     /// Folder of a checkpoint, such as `artifacts/latest/quickstart/model` [default: the model that trodden brings].
     #[arg(long)]

@@ -11,11 +11,11 @@ use crate::stages::map_origin::Origin;
 #[derive(Debug, clap::Args)]
 #[command(next_help_heading = "How the map is read")]
 pub(super) struct ImportArgs {
-    /// Edge of a pixel in meters, for a plain image.
+    /// Edge of a pixel in meters, for a plain image, or of a user unit, for an SVG drawing.
     #[arg(long, value_name = "METERS")]
     image_resolution: Option<f64>,
-    /// The same by two points of the picture and their distance: `120,80:620,80=12.5m`, in pixels to the right and down from the
-    /// upper left corner.
+    /// The same by two points of the picture and their distance: `120,80:620,80=12.5m`, in pixels or user units to the right and down
+    /// from the upper left corner.
     #[arg(long, value_name = "SCALE", conflicts_with = "image_resolution")]
     scale: Option<ScaleBar>,
     /// Brightness from which on a pixel is free, as a share of white, for a plain image [default: 0.5].
@@ -36,16 +36,19 @@ pub(super) struct ImportArgs {
     /// Name of the level, for a building of Open-RMF [default: the only one].
     #[arg(long, value_name = "NAME")]
     level: Option<String>,
-    /// How thick walls are, for a building of Open-RMF or a DXF drawing [default: 0.1].
+    /// How thick walls are, for a building of Open-RMF or a DXF drawing [default: 0.1], or an SVG
+    /// drawing [default: as they are drawn].
     #[arg(long, value_name = "METERS")]
     wall_thickness: Option<f64>,
-    /// Unit of the coordinates, for WKT [default: m], GeoJSON, and DXF [default: what its header says]: m, cm, mm, in or ft.
+    /// Unit of the coordinates, for WKT [default: m], GeoJSON, DXF [default: what its header says], and SVG
+    /// in its own size: m, cm, mm, in or ft.
     #[arg(long)]
     unit: Option<Unit>,
-    /// Layers whose lines are walls, for a DXF drawing: names with `*` and `?`, with commas between them.
+    /// Layers whose lines are walls, for a DXF drawing, or layers, groups, classes or colors (`#rrggbb`) of walls, for an SVG
+    /// drawing: names with `*` and `?`, with commas between them.
     #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
     walls: Option<Vec<String>>,
-    /// Layers whose straight lines lie in doors, for a DXF drawing.
+    /// The same for straight lines that lie in doors.
     #[arg(long, value_name = "LAYERS", value_delimiter = ',')]
     doors: Option<Vec<String>>,
     /// Edge of a cell of the result in meters; models are trained on cells of one size.

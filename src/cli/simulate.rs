@@ -31,7 +31,7 @@ Examples:
 )]
 pub struct Args {
     /// A ROS `map_server` YAML, an image (with --image-resolution or --scale), the folder of an iGibson scene, or a floor plan: a
-    /// `building.yaml` of Open-RMF, DXF, WKT or GeoJSON.
+    /// `building.yaml` of Open-RMF, DXF, SVG, WKT or GeoJSON.
     map: PathBuf,
     #[command(flatten)]
     out: OutFolder,

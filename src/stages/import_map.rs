@@ -127,6 +127,18 @@ impl ImportMap {
                 let ImportConfig { unit, walls, doors, .. } = &self.config;
                 json!({ "source": form.name(), "unit": unit, "walls": walls, "doors": doors, "wall_thickness": thickness })
             }
+            PlanForm::Svg => {
+                let ImportConfig { unit, scale, image_resolution, walls, doors, wall_thickness, .. } = &self.config;
+                json!({
+                    "source": form.name(),
+                    "unit": unit,
+                    "scale": scale,
+                    "image_resolution": image_resolution,
+                    "walls": walls,
+                    "doors": doors,
+                    "wall_thickness": wall_thickness,
+                })
+            }
             PlanForm::Wkt | PlanForm::GeoJson => {
                 json!({ "source": form.name(), "unit": self.config.unit.unwrap_or(Unit::Meter) })
             }

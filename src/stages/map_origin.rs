@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::domain::map::{
-    ImportConfig, MapForm, MapYaml, PlanForm, igibson_floor, igibson_image, is_dxf, is_image, is_wkt,
+    ImportConfig, MapForm, MapYaml, PlanForm, igibson_floor, igibson_image, is_dxf, is_image, is_svg, is_wkt,
 };
 use crate::pipeline::stage::StageError;
 use crate::store::open_regular;
@@ -134,6 +134,9 @@ fn plan_form(path: &Path, start: &[u8]) -> Option<PlanForm> {
     }
     if ends(".dxf") || is_dxf(start.trim_start_matches('\u{feff}')) {
         return Some(PlanForm::Dxf);
+    }
+    if ends(".svg") || is_svg(start.trim_start_matches('\u{feff}')) {
+        return Some(PlanForm::Svg);
     }
     if ends(".geojson")
         || start.trim_start_matches('\u{feff}').trim_start().starts_with('{') && start.contains("\"type\"")

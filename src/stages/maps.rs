@@ -41,7 +41,7 @@ pub const SOURCES: &[MapSource] = &[
     },
     MapSource {
         name: "files",
-        doc: "Maps of ROS `map_server` (their YAML files), plain images and floor plans (buildings of Open-RMF, DXF, WKT, GeoJSON), by path or glob.",
+        doc: "Maps of ROS `map_server` (their YAML files), plain images and floor plans (buildings of Open-RMF, DXF, SVG, WKT, GeoJSON), by path or glob.",
         seeded: false,
         expand: |value, folder| files(value, folder, MapForm::Ros),
         schema: files_schema,

@@ -29,6 +29,15 @@ pub(super) const fn help(error: &PlanError) -> Option<&'static str> {
         PlanError::Layers { .. } => {
             "name those of walls, and of doors: `walls: [\"*WALL*\"], doors: [\"*DOOR*\"]`, or `--walls '*WALL*' --doors '*DOOR*'`"
         }
+        PlanError::Xml { .. } | PlanError::Svg { .. } => "the file is damaged: export it again as a plain SVG",
+        PlanError::SvgScale => {
+            "give two points in its user units and their distance: `scale: \"120,80:620,80=12.5m\"`, or `--scale 120,80:620,80=12.5m`; \
+             or the unit in which it is drawn in its own size: `unit: mm` (`--unit mm`)"
+        }
+        PlanError::SvgNames { .. } => {
+            "name walls, and doors, by layer, class or color: `walls: [\"*wall*\", \"#000000\"], doors: [\"door*\"]`, or \
+             `--walls '*wall*,#000000' --doors 'door*'`"
+        }
         PlanError::Nothing => "check that it is the right file: a map is made of its walls and areas",
         PlanError::TooManyCells { .. } => {
             "check the plan's unit, or take larger cells: `resolution: 0.2` (`--resolution`)"
@@ -45,6 +54,9 @@ pub(super) const fn unfit(form: PlanForm) -> &'static str {
     match form {
         PlanForm::Building => "leave it out: buildings take `level` and `wall_thickness`; measurements say the scale",
         PlanForm::Dxf => "leave it out: drawings take `walls`, `doors`, `wall_thickness` and `unit`",
+        PlanForm::Svg => {
+            "leave it out: drawings take `scale`, `image_resolution` or `unit`, `walls`, `doors` and `wall_thickness`"
+        }
         PlanForm::Wkt | PlanForm::GeoJson => "leave it out: polygons take `unit`",
     }
 }

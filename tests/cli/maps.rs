@@ -418,10 +418,18 @@ fn plans_that_cannot_be_read() {
         "  0\nSECTION\n  2\nENTITIES\n  0\nLINE\n  8\nA-BASE\n 10\n0\n 20\n0\n 11\n9\n 21\n9\n  0\nENDSEC\n  0\nEOF\n";
     place.write("plan.dxf", line);
     place.write("cut.dxf", &line[..60]);
-    let requests: [&[&str]; 12] = [
+    let svg = "<svg xmlns='http://www.w3.org/2000/svg'><g id='shell'><rect width='90' height='5'/></g>\n<path d='M0 0 L'/></svg>";
+    place.write("plan.svg", svg.replace(" L'", "'"));
+    place.write("odd.svg", svg);
+    place.write("cut.svg", &svg[..60]);
+    let requests: [&[&str]; 16] = [
         &["plan.dxf", "--walls", "*wall*"],
         &["plan.dxf", "--unit", "m", "--walls", "*wall*"],
         &["cut.dxf", "--unit", "m"],
+        &["plan.svg", "--walls", "*wall*"],
+        &["plan.svg", "--scale", "0,0:90,0=9m", "--walls", "*wall*"],
+        &["odd.svg", "--unit", "m", "--walls", "shell"],
+        &["cut.svg", "--unit", "m"],
         &["two.building.yaml"],
         &["two.building.yaml", "--level", "L3"],
         &["bare.building.yaml"],

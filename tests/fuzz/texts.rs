@@ -20,6 +20,7 @@ pub fn target(name: &str) -> Option<Target> {
         "building" => Some(building()),
         "wkt" => Some(polygons("wkt", PlanForm::Wkt, WKT.as_bytes())),
         "dxf" => Some(polygons("dxf", PlanForm::Dxf, DXF.as_bytes())),
+        "svg" => Some(polygons("svg", PlanForm::Svg, SVG.as_bytes())),
         "geojson" => Some(polygons("geojson", PlanForm::GeoJson, GEOJSON.as_bytes())),
         "pipeline" => Some(pipeline()),
         "recipe" => Some(recipe()),
@@ -104,6 +105,12 @@ const DXF: &str = "0\nSECTION\n2\nHEADER\n9\n$INSUNITS\n70\n6\n0\nENDSEC\n0\nSEC
     10\n0\n20\n0\n10\n9\n20\n0\n42\n0.5\n10\n9\n20\n9\n10\n0\n20\n9\n0\nINSERT\n8\nwalls\n2\nunit\n10\n2\n20\n2\n41\n2\n70\n2\n44\n3\n0\n\
     LINE\n8\nwalls\n10\n0\n20\n4\n11\n5\n21\n4\n0\nCIRCLE\n8\nwalls\n10\n4\n20\n6\n40\n0.5\n0\nPOLYLINE\n8\nwalls\n70\n0\n0\nVERTEX\n10\n1\n\
     20\n1\n0\nVERTEX\n10\n2\n20\n1\n0\nSEQEND\n0\nENDSEC\n0\nEOF\n";
+
+const SVG: &str = "<?xml version='1.0'?><!DOCTYPE svg [<!ENTITY ns 'http://www.w3.org/2000/svg'>]><svg xmlns='&ns;' \
+    xmlns:xlink='http://www.w3.org/1999/xlink' viewBox='0 0 20 10'><style>.a{fill:none;stroke:#F00}</style><defs><rect id='b' \
+    width='10' height='5'/></defs><g id='walls' transform='translate(1 2) rotate(9)'><path class='a' d='M0 0h9v9H0zM1 1a2 2 0 0 1 \
+    3 3q1 1 2 0C3 3 4 4 5 5'/><use xlink:href='#b' x='1'/><polygon points='1,2 3,4 5,6'/><line x2='3mm' stroke='blue'/>\
+    <circle r='2'/></g><g id='wall'><rect width='12' height='.2' style='fill:red'/><ellipse rx='3' ry='1'/></g></svg>";
 
 fn polygons(name: &'static str, form: PlanForm, seed: &[u8]) -> Target {
     Target::new(name, vec![seed.to_vec()], yaml, move |input| {

@@ -84,11 +84,12 @@ pub struct ImportConfig {
     /// Which of the separate regions of free floor are kept: `largest` (that is not outdoors), `all`, or the one at
     /// `[x, y]`, in meters in the frame of the map.
     pub region: Region,
-    /// Edge of a pixel in meters of a plain image, which says nothing about its scale itself, 0.001 to 10.
+    /// Edge of a pixel in meters of a plain image, or of a user unit of an SVG drawing, neither of which says anything about its
+    /// scale itself, 0.001 to 10.
     #[schemars(range(min = 0.001, max = 10.0))]
     pub image_resolution: Option<f64>,
-    /// The same by two points of the picture and their distance: `120,80:620,80=12.5m`, in pixels to the right and down from the
-    /// upper left corner.
+    /// The same by two points of the picture and their distance: `120,80:620,80=12.5m`, in pixels or user units to the right and down
+    /// from the upper left corner.
     pub scale: Option<ScaleBar>,
     /// Brightness from which on a pixel of a plain image is free, as a share of white, 0 to 1; 0.5 if it is left out.
     #[schemars(range(min = 0.0, max = 1.0))]
@@ -106,15 +107,16 @@ pub struct ImportConfig {
     /// Name of the level of a building of Open-RMF; may be left out where there is only one.
     pub level: Option<String>,
     /// How thick the walls of a building of Open-RMF or of a DXF drawing are in meters, 0.01 to 2; 0.1 if it is left out, as Open-RMF's own tools
-    /// build them.
+    /// build them. In an SVG drawing it replaces the width of lines.
     #[schemars(range(min = 0.01, max = 2.0))]
     pub wall_thickness: Option<f64>,
     /// The unit of the coordinates of WKT, `m` if it is left out, of GeoJSON, which is degrees by its standard and must be
-    /// told, and of a DXF drawing, instead of what its header says: `m`, `cm`, `mm`, `in` or `ft`.
+    /// told, of a DXF drawing, instead of what its header says, and of an SVG drawing in its own size: `m`, `cm`, `mm`, `in` or `ft`.
     pub unit: Option<Unit>,
-    /// The layers of a DXF drawing whose lines are walls; `*` stands for any letters, `?` for one, capitals are no others.
+    /// The layers of a DXF drawing whose lines are walls, or the layers, groups, classes or colors (`#rrggbb`) of walls in an SVG
+    /// drawing; `*` stands for any letters, `?` for one, capitals are no others.
     pub walls: Option<Vec<String>>,
-    /// The layers of a DXF drawing whose straight lines lie in doors, which stand open.
+    /// The same of the straight lines that lie in doors, which stand open.
     pub doors: Option<Vec<String>>,
 }
 
@@ -187,20 +189,21 @@ impl ImportConfig {
         use MapForm::{Igibson, Image, Ros};
         const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
         const DXF: MapForm = MapForm::Plan(PlanForm::Dxf);
-        const IN_UNITS: [MapForm; 3] = [MapForm::Plan(PlanForm::Wkt), MapForm::Plan(PlanForm::GeoJson), DXF];
+        const SVG: MapForm = MapForm::Plan(PlanForm::Svg);
+        const IN_UNITS: [MapForm; 4] = [MapForm::Plan(PlanForm::Wkt), MapForm::Plan(PlanForm::GeoJson), DXF, SVG];
         let fields: [(&str, bool, &[MapForm]); 12] = [
-            ("image_resolution", self.image_resolution.is_some(), &[Image]),
-            ("scale", self.scale.is_some(), &[Image]),
+            ("image_resolution", self.image_resolution.is_some(), &[Image, SVG]),
+            ("scale", self.scale.is_some(), &[Image, SVG]),
             ("threshold", self.threshold.is_some(), &[Image]),
             ("occupied_thresh", self.occupied_thresh.is_some(), &[Ros]),
             ("free_thresh", self.free_thresh.is_some(), &[Ros]),
             ("negate", self.negate.is_some(), &[Ros, Image]),
             ("floor", self.floor.is_some(), &[Igibson]),
             ("level", self.level.is_some(), &[BUILDING]),
-            ("wall_thickness", self.wall_thickness.is_some(), &[BUILDING, DXF]),
+            ("wall_thickness", self.wall_thickness.is_some(), &[BUILDING, DXF, SVG]),
             ("unit", self.unit.is_some(), &IN_UNITS),
-            ("walls", self.walls.is_some(), &[DXF]),
-            ("doors", self.doors.is_some(), &[DXF]),
+            ("walls", self.walls.is_some(), &[DXF, SVG]),
+            ("doors", self.doors.is_some(), &[DXF, SVG]),
         ];
         fields.into_iter().filter(|(_, set, forms)| *set && !forms.contains(&form)).map(|(name, ..)| name).collect()
     }
@@ -254,27 +257,28 @@ mod tests {
         const BUILDING: MapForm = MapForm::Plan(PlanForm::Building);
         const WKT: MapForm = MapForm::Plan(PlanForm::Wkt);
         const DXF: MapForm = MapForm::Plan(PlanForm::Dxf);
+        const SVG: MapForm = MapForm::Plan(PlanForm::Svg);
         let check = |config: ImportConfig, fits: &[MapForm]| {
-            for form in [Ros, Image, Igibson, BUILDING, WKT, DXF] {
+            for form in [Ros, Image, Igibson, BUILDING, WKT, DXF, SVG] {
                 assert_eq!(config.unfit(form).is_empty(), fits.contains(&form), "{form}: {config:?}");
             }
         };
         let none = ImportConfig::default;
         check(
             ImportConfig { resolution: 0.2, region: Region::All, ..none() },
-            &[Ros, Image, Igibson, BUILDING, WKT, DXF],
+            &[Ros, Image, Igibson, BUILDING, WKT, DXF, SVG],
         );
-        check(ImportConfig { image_resolution: Some(0.1), ..none() }, &[Image]);
-        check(ImportConfig { scale: "0,0:1,0=1m".parse().ok(), ..none() }, &[Image]);
+        check(ImportConfig { image_resolution: Some(0.1), ..none() }, &[Image, SVG]);
+        check(ImportConfig { scale: "0,0:1,0=1m".parse().ok(), ..none() }, &[Image, SVG]);
         check(ImportConfig { threshold: Some(0.5), ..none() }, &[Image]);
         check(ImportConfig { occupied_thresh: Some(0.5), ..none() }, &[Ros]);
         check(ImportConfig { free_thresh: Some(0.5), ..none() }, &[Ros]);
         check(ImportConfig { negate: Some(false), ..none() }, &[Ros, Image]);
         check(ImportConfig { floor: Some(0), ..none() }, &[Igibson]);
         check(ImportConfig { level: Some("L1".to_owned()), ..none() }, &[BUILDING]);
-        check(ImportConfig { wall_thickness: Some(0.2), ..none() }, &[BUILDING, DXF]);
-        check(ImportConfig { unit: Some(Unit::Meter), ..none() }, &[WKT, DXF]);
-        check(ImportConfig { walls: Some(vec![]), ..none() }, &[DXF]);
-        check(ImportConfig { doors: Some(vec![]), ..none() }, &[DXF]);
+        check(ImportConfig { wall_thickness: Some(0.2), ..none() }, &[BUILDING, DXF, SVG]);
+        check(ImportConfig { unit: Some(Unit::Meter), ..none() }, &[WKT, DXF, SVG]);
+        check(ImportConfig { walls: Some(vec![]), ..none() }, &[DXF, SVG]);
+        check(ImportConfig { doors: Some(vec![]), ..none() }, &[DXF, SVG]);
     }
 }

@@ -26,6 +26,8 @@ pub enum PlanForm {
     GeoJson,
     /// A drawing with layers.
     Dxf,
+    /// A drawing of a web page.
+    Svg,
 }
 
 impl PlanForm {
@@ -37,6 +39,7 @@ impl PlanForm {
             Self::Wkt => "wkt",
             Self::GeoJson => "geojson",
             Self::Dxf => "dxf",
+            Self::Svg => "svg",
         }
     }
 }
@@ -51,6 +54,7 @@ impl fmt::Display for MapForm {
             Self::Plan(PlanForm::Wkt) => "polygons in WKT",
             Self::Plan(PlanForm::GeoJson) => "GeoJSON",
             Self::Plan(PlanForm::Dxf) => "a DXF drawing",
+            Self::Plan(PlanForm::Svg) => "an SVG drawing",
         })
     }
 }

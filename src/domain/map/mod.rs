@@ -37,7 +37,7 @@ pub use indoors::Survey;
 pub use observed::Observed;
 pub use occupancy::{MapError, OccupancyMap};
 pub use picture::{DECODER_THREAD, Pixel, is_image};
-pub use plan::{PlanError, import_plan, is_dxf, is_wkt, plan_cells};
+pub use plan::{PlanError, import_plan, is_dxf, is_svg, is_wkt, plan_cells};
 pub use position::Position;
 pub use reading::Reading;
 pub use regions::{neighbors4, regions};

@@ -40,6 +40,14 @@ pub enum PlanError {
     DxfUnit { found: String },
     #[error("no layer of the drawing is one of walls; its layers: {layers}")]
     Layers { layers: String },
+    #[error("the XML is not understood: {message}{}", place(&Some(*at)))]
+    Xml { message: String, at: Position },
+    #[error("the SVG is not understood: {what} is {found}{}", place(&Some(*at)))]
+    Svg { what: String, found: String, at: Position },
+    #[error("an SVG does not say how large the building is")]
+    SvgScale,
+    #[error("nothing in the drawing is a wall by its layers, classes or colors, there is {names}")]
+    SvgNames { names: String },
     #[error("a ring ends where it begins and has three corners or more{path}{}", place(at))]
     Ring { path: String, at: Option<Position> },
     #[error("{what} needs at least {least} points, not {points}{}", place(at))]
@@ -67,9 +75,12 @@ impl PlanError {
             | Self::Points { at, .. }
             | Self::Ring { at, .. }
             | Self::Coordinate { at, .. } => *at,
-            Self::Wkt { at, .. } | Self::Json { at, .. } | Self::Dxf { at, .. } | Self::DxfGroup { at, .. } => {
-                Some(*at)
-            }
+            Self::Wkt { at, .. }
+            | Self::Json { at, .. }
+            | Self::Dxf { at, .. }
+            | Self::DxfGroup { at, .. }
+            | Self::Xml { at, .. }
+            | Self::Svg { at, .. } => Some(*at),
             _ => None,
         }
     }

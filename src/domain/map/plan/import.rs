@@ -2,7 +2,7 @@
 
 use super::raster::{frame_of, rasterize};
 use super::shapes::Plan;
-use super::{building, dxf, geojson, wkt};
+use super::{building, dxf, geojson, svg, wkt};
 use crate::domain::map::config::ImportConfig;
 use crate::domain::map::error::MapImportError;
 use crate::domain::map::form::{MapForm, PlanForm};
@@ -47,6 +47,7 @@ fn read(form: PlanForm, bytes: &[u8], config: &ImportConfig) -> Result<(Plan, Re
         _ if is_lfs_pointer(bytes) => Err(MapImportError::LfsPointer { what: "plan" }),
         PlanForm::Dxf => Ok(dxf::read(text, config)?),
         PlanForm::Wkt => Ok(wkt::read(text, config)?),
+        PlanForm::Svg => Ok(svg::read(text, config)?),
         PlanForm::GeoJson => Ok(geojson::read(text, config)?),
     }
 }

@@ -15,9 +15,11 @@ mod polygons;
 mod raster;
 mod scan;
 mod shapes;
+mod svg;
 mod wkt;
 
 pub use dxf::is_dxf;
 pub use error::PlanError;
 pub use import::{import_plan, plan_cells};
+pub use svg::is_svg;
 pub use wkt::is_wkt;
