@@ -199,7 +199,7 @@ impl Table {
             chunk.metadata.remove("summary");
             match &mut whole {
                 None => whole = Some(chunk),
-                Some(all) if all.metadata == chunk.metadata && all.schema == chunk.schema => {
+                Some(all) if all.metadata == chunk.metadata && all.schema.fields() == chunk.schema.fields() => {
                     all.batches.append(&mut chunk.batches);
                 }
                 Some(_) => {

@@ -35,8 +35,7 @@ def check_libraries_read_tables_where_they_are(place: Place) -> None:
     heat.save(place.folder / "heat.parquet")
     filed = pd.read_parquet(place.folder / "heat.parquet")
     pd.testing.assert_frame_equal(pd.DataFrame.from_arrow(heat), filed)
-    frame = pl.from_arrow(heat)
-    assert frame.equals(pl.read_parquet(place.folder / "heat.parquet")) and pl.DataFrame(heat).equals(frame)
+    assert pl.DataFrame(heat).equals(pl.read_parquet(place.folder / "heat.parquet"))
     query = "SELECT count(*), max(heat), sum(free::INT) FROM heat"
     assert duckdb.sql(query).fetchall() == [(heat.rows, float(heat.heat.max()), int(heat.free.sum()))]
 
@@ -46,7 +45,7 @@ def check_tables_come_back(place: Place) -> None:
     assert place.saved(trodden.from_arrow(pa.table(heat))) == place.saved(heat)
     assert place.saved(trodden.from_arrow(heat, like=heat)) == place.saved(heat)
     # A room that nobody enters, as polars sees it.
-    told = pl.from_arrow(heat)
+    told = pl.DataFrame(heat)
     closed = pl.col("col") > 48
     shut = told.with_columns(
         [pl.when(closed).then(0.0).otherwise(pl.col(name)).cast(pl.Float32).alias(name) for name in ("heat", "density")]

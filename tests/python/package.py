@@ -217,7 +217,7 @@ def check_every_artifact_of_a_run_is_read(place: Place) -> None:
     # A folder of a trained network is one that can be annotated with.
     model = store / "latest" / "tiny" / "model"
     told = trodden.annotate(place.yaml, model=model, mode="exact", stride=16)
-    assert {"class", "p0", "p3"} <= set(told) and "free" not in told
+    assert {"class", "p0", "p3"} <= set(told.columns) and "free" not in told
     tracks = kinds["Trajectories"]
     assert isinstance(tracks, trodden.Tracks) and tracks.frame_rate == 10 and tracks.frame.resolution == 0.1
     # A node that consists of chunks is read whole.
@@ -284,10 +284,12 @@ def check_odd_maps_are_warned_of(place: Place) -> None:
         warnings.simplefilter("always")
         trodden.annotate(apart, 0.05)
     assert [w.category for w in caught] == [trodden.TroddenWarning] and "region=" in str(caught[0].message)
+    with warnings.catch_warnings(record=True) as caught:
+        right = trodden.annotate(apart, 0.05, region=(8.0, 1.0), offsets=1)
+    assert right.frame.origin[0] > 4.5 and "one of 2 regions" in str(caught[0].message)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         trodden.annotate(apart, 0.05, region="all")
-        trodden.annotate(apart, 0.05, region=(1.0, 1.0), offsets=1)
 
 
 # How it works beside others
@@ -323,9 +325,7 @@ def check_other_threads_go_on(place: Place) -> None:
     thread.join()
     assert len(seen) > 0.1 * took / 0.01, f"{len(seen)} turns in {took} s"
     results: list[bytes] = []
-    threads = [
-        threading.Thread(target=lambda: results.append(trodden.annotate(place.yaml).heat.tobytes())) for _ in range(3)
-    ]
+    threads = [threading.Thread(target=lambda: results.append(trodden.annotate(place.yaml).heat.tobytes())) for _ in range(3)]
     for thread in threads:
         thread.start()
     for thread in threads:

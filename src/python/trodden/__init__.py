@@ -6,7 +6,7 @@
     heat.heat, heat.density, heat.frame              # numpy arrays, row 0 at the top, and where they lie
     path = trodden.plan_path("my_map.yaml", start=(2.5, 1.0), goal=(14.0, 8.5), heat=heat)
 
-Tables and rasters go to pyarrow, polars, DuckDB and pandas as they are, without a copy: ``polars.from_arrow(heat)``. The
+Tables and rasters go to pyarrow, polars, DuckDB and pandas as they are, without a copy: ``polars.DataFrame(heat)``. The
 functions give what the command `trodden`, which comes with this package, writes.
 """
 

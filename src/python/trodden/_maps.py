@@ -84,16 +84,13 @@ def map_of(
     region: str | tuple[float, float],
 ) -> _trodden.Table:
     """Returns the map that somebody means: one that was read, a path, or a grid of free cells with its resolution."""
-    is_file = isinstance(source, (str, os.PathLike))
-    if isinstance(source, Raster) or is_file:
+    if isinstance(source, (Raster, str, os.PathLike)):
         if resolution is not None or origin != (0.0, 0.0) or yaw != 0.0:
             raise ArgumentError(
                 "`resolution`, `origin` and `yaw` are those of a grid; a map has its own",
                 "leave them out; `read_map` has what a file may want, such as `image_resolution`",
             )
-        if is_file:
-            return read_map(source, resolution=cell, region=region)._inner
-        return source._inner
+        return (source if isinstance(source, Raster) else read_map(source, resolution=cell, region=region))._inner
     import numpy as np
 
     grid = np.asarray(source)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from . import _trodden
@@ -60,11 +59,11 @@ class Frame(NamedTuple):
         return self.rows - 1 - np.floor((cos * up - sin * right) / self.resolution).astype(int), col
 
 
-class Table(Mapping[str, "NDArray[Any]"]):
+class Table:
     """Named columns, and what stands beside them.
 
     `table["name"]` is a numpy array that cannot be written to: its memory is that of the Arrow column. It has the methods of
-    Arrow's PyCapsule interface, so that `pyarrow.table(table)`, `polars.from_arrow(table)`, `pandas.DataFrame.from_arrow(table)`
+    Arrow's PyCapsule interface, so that `pyarrow.table(table)`, `polars.DataFrame(table)`, `pandas.DataFrame.from_arrow(table)`
     and `duckdb.sql("SELECT … FROM table")` take it as it is.
     """
 
@@ -102,12 +101,6 @@ class Table(Mapping[str, "NDArray[Any]"]):
     def _shaped(self, array: NDArray[Any]) -> NDArray[Any]:
         return array
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self.columns)
-
-    def __len__(self) -> int:
-        return len(self.columns)
-
     def __contains__(self, name: object) -> bool:
         return name in self.columns
 
@@ -116,11 +109,6 @@ class Table(Mapping[str, "NDArray[Any]"]):
 
     def _size(self) -> str:
         return f"{self.rows} rows"
-
-    __hash__ = object.__hash__
-
-    def __eq__(self, other: object) -> bool:
-        return self is other
 
     def __arrow_c_schema__(self) -> object:
         return self._inner.__arrow_c_schema__()
