@@ -73,9 +73,7 @@ class Place:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        pixels = np.where(plan(), 254, 0).astype(np.uint8)
-        self.image = folder / "plan.pgm"
-        self.image.write_bytes(b"P5\n%d %d\n255\n" % pixels.shape[::-1] + pixels.tobytes())
+        self.image = self.image_of(plan(), "plan.pgm")
         self.yaml = folder / "plan.yaml"
         self.yaml.write_text(
             f"image: plan.pgm\nresolution: 0.05\norigin: [{ORIGIN[0]}, {ORIGIN[1]}, {YAW}]\nnegate: 0\n"
@@ -84,6 +82,12 @@ class Place:
 
         self.pipeline = folder / "tiny.yaml"
         self.pipeline.write_text(PIPELINE)
+
+    def image_of(self, free: np.ndarray, name: str = "other.pgm") -> Path:
+        pixels = np.where(free, 254, 0).astype(np.uint8)
+        image = self.folder / name
+        image.write_bytes(b"P5\n%d %d\n255\n" % pixels.shape[::-1] + pixels.tobytes())
+        return image
 
     def saved(self, table: trodden.Table) -> bytes:
         path = self.folder / "saved.parquet"
@@ -283,7 +287,10 @@ def check_odd_maps_are_warned_of(place: Place) -> None:
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
         trodden.annotate(apart, 0.05)
-    assert [w.category for w in caught] == [trodden.TroddenWarning] and "region=" in str(caught[0].message)
+        trodden.read_map(place.image_of(apart), image_resolution=0.05)
+        trodden.annotate(trodden.read_map(place.image_of(apart), image_resolution=0.05), offsets=1)
+    assert [w.category for w in caught] == [trodden.TroddenWarning] * 3 and "region=" in str(caught[0].message)
+    assert {w.filename for w in caught} == {__file__}
     with warnings.catch_warnings(record=True) as caught:
         right = trodden.annotate(apart, 0.05, region=(8.0, 1.0), offsets=1)
     assert right.frame.origin[0] > 4.5 and "one of 2 regions" in str(caught[0].message)

@@ -72,7 +72,7 @@ def read_map(
         "walls": None if walls is None else list(walls),
         "doors": None if doors is None else list(doors),
     }
-    return _told(*_trodden.read_map(path, as_json(options)))
+    return _read(path, options, 4)
 
 
 def map_of(
@@ -90,7 +90,7 @@ def map_of(
                 "`resolution`, `origin` and `yaw` are those of a grid; a map has its own",
                 "leave them out; `read_map` has what a file may want, such as `image_resolution`",
             )
-        return (source if isinstance(source, Raster) else read_map(source, resolution=cell, region=region))._inner
+        return (source if isinstance(source, Raster) else _read(source, {"resolution": cell, "region": region}, 5))._inner
     import numpy as np
 
     grid = np.asarray(source)
@@ -103,7 +103,7 @@ def map_of(
         raise ArgumentError("a grid needs a `resolution`", "give the edge of its cells in meters")
     place = (float(resolution), float(origin[0]), float(origin[1]), float(yaw))
     options = as_json({"resolution": cell, "region": region})
-    return _told(*_trodden.grid_map(grid.tobytes(), grid.shape, place, options))._inner
+    return _told(*_trodden.grid_map(grid.tobytes(), grid.shape, place, options), 4)._inner
 
 
 def as_json(options: dict[str, Any]) -> str:
@@ -118,8 +118,13 @@ def _number(value: Any) -> Any:
     raise ArgumentError(f"`{value!r}` is neither a number nor a text")
 
 
-def _told(inner: _trodden.Table, lines: list[tuple[str, bool]]) -> Raster:
+def _read(path: str | PathLike[str], options: dict[str, Any], caller: int) -> Raster:
+    return _told(*_trodden.read_map(path, as_json(options)), caller)
+
+
+def _told(inner: _trodden.Table, lines: list[tuple[str, bool]], caller: int) -> Raster:
+    """Warns of what is odd in the name of whoever called the package, so many calls away."""
     for line, is_warning in lines:
         if is_warning:
-            warnings.warn(line, TroddenWarning, stacklevel=4)
+            warnings.warn(line, TroddenWarning, stacklevel=caller)
     return Raster(inner, tuple(line for line, _ in lines))
