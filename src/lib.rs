@@ -27,7 +27,8 @@
 //! | [`pipeline`] | decides: file, plan, execution, events | store |
 //! | [`stages`] | join: read artifacts, let the domain compute, write one artifact | domain, kinds, pipeline, store |
 //! | [`report`] | shows: bars, terminal pictures, PNG, HTML | domain, kinds, store, `pipeline::event` |
-//! | [`cli`] | speaks: one file per command | all |
+//! | [`cli`] | speaks: one file per command | all but python |
+//! | `python` | serves: the Python package's compiled half, with the feature `python` alone, and its Python files | all |
 //!
 //! `tests/architecture.rs` holds the sources against this table.
 //!
@@ -55,6 +56,8 @@ pub mod cli;
 pub mod domain;
 pub mod kinds;
 pub mod pipeline;
+#[cfg(feature = "python")]
+mod python;
 pub mod report;
 pub mod stages;
 pub mod store;

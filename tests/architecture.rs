@@ -18,6 +18,7 @@ const TABLE: &[(&str, &[&str])] = &[
     ("stages", &["domain", "kinds", "pipeline", "store"]),
     ("report", &["domain", "kinds", "store", "pipeline::event"]),
     ("cli", &["domain", "kinds", "pipeline", "store", "stages", "report"]),
+    ("python", &["domain", "kinds", "pipeline", "store", "stages", "report", "cli"]),
 ];
 
 /// What the domain does without: files, clocks, the environment, printing.

@@ -3,6 +3,7 @@
 mod damage;
 mod encoding;
 pub mod samples;
+mod tables;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;

@@ -10,7 +10,7 @@ use super::import_args::{ImportArgs, said};
 use super::model_files;
 use super::out_folder::OutFolder;
 use super::screen::Screen;
-use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Mode, Normalize};
+use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
 use crate::domain::map::{Imported, OccupancyMap};
 use crate::kinds::{Checkpoint, Heat, Model, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
@@ -24,9 +24,6 @@ const HEAT: &str = "heat.parquet";
 const SIMULATED: &str = "simulated.parquet";
 const MAP: &str = "map.parquet";
 const PICTURE: &str = "heat.png";
-
-/// Offsets that are averaged where a model says ranks and nothing else is asked for: one in each rotation and mirroring.
-const RANKS_OFFSETS: u32 = 8;
 
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
@@ -104,9 +101,7 @@ impl Args {
         inputs.extend(self.model.iter().flat_map(|model| Checkpoint::FILES.map(|name| model.join(name))));
         self.out.check(names, &inputs)?;
         let model = self.model.as_deref().map_or_else(|| Ok(Model::shipped()), model_files::read)?;
-        if let (Mode::Dense { offsets, .. }, None, None) = (&mut config.mode, self.offsets, model.config.counts()) {
-            *offsets = RANKS_OFFSETS;
-        }
+        annotate::settle(&mut config, self.offsets, &model);
         let name = import.origin().map_name();
         screen.remark(format!("annotating {}", import.origin().path().display()));
         let imported = import.import()?;
@@ -178,11 +173,9 @@ impl Args {
 
 /// Lets the model that trodden brings tell, as `annotate` does where nothing else is asked for, with a bar.
 pub(super) fn predict_by_default(map: &OccupancyMap, screen: &Screen) -> Result<Heat, CliError> {
-    let mut config = AnnotateConfig::default();
-    if let Mode::Dense { offsets, .. } = &mut config.mode {
-        *offsets = RANKS_OFFSETS;
-    }
-    predict(map, &Model::shipped(), &config, screen)
+    let (mut config, model) = (AnnotateConfig::default(), Model::shipped());
+    annotate::settle(&mut config, None, &model);
+    predict(map, &model, &config, screen)
 }
 
 /// Lets a model tell, with a bar.

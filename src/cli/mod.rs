@@ -16,7 +16,7 @@ mod import_args;
 mod init;
 mod keep;
 mod ls;
-mod model_files;
+pub(crate) mod model_files;
 mod out_folder;
 mod paths;
 mod plan;
@@ -35,14 +35,16 @@ mod status;
 mod verify;
 mod why;
 
+use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::domain::map::DECODER_THREAD;
-use error::CliError;
 use screen::Screen;
+
+pub(crate) use error::CliError;
 
 use crate::pipeline::error::PipelineError;
 
@@ -118,9 +120,21 @@ enum Command {
     Completions(completions::Args),
 }
 
-/// Parses the command line, runs the command and returns its exit code.
+/// Parses a command line, which begins with the program's name, runs the command and returns its exit code.
 #[must_use]
-pub fn main() -> ExitCode {
+pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+    hush_decoder();
+    let cli = match Cli::try_parse_from(arguments) {
+        Ok(cli) => cli,
+        Err(said) => return explain(&said),
+    };
+    let screen = Screen::new(cli.json);
+    let done = dispatch(&cli, &screen).and_then(|code| screen.flush().map(|()| code));
+    done.unwrap_or_else(|error| complain(&error, &screen))
+}
+
+/// Lets no panic of the decoder of images be printed.
+pub(crate) fn hush_decoder() {
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(move |panic| {
         // What panics there comes back as an error that names the file.
@@ -128,13 +142,6 @@ pub fn main() -> ExitCode {
             hook(panic);
         }
     }));
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(said) => return explain(&said),
-    };
-    let screen = Screen::new(cli.json);
-    let done = dispatch(&cli, &screen).and_then(|code| screen.flush().map(|()| code));
-    done.unwrap_or_else(|error| complain(&error, &screen))
 }
 
 /// Prints the help that was asked for, or what is wrong with the command line.

@@ -15,7 +15,7 @@ const MOST_BYTES: u64 = 4 << 30;
 ///
 /// # Errors
 /// [`CliError`] names the folder if it is none of a checkpoint, or the file that cannot be read.
-pub(super) fn read(folder: &Path) -> Result<Model, CliError> {
+pub(crate) fn read(folder: &Path) -> Result<Model, CliError> {
     let read = |name: &'static str| {
         let path = folder.join(name);
         read_bounded(&path, MOST_BYTES).map_err(|source| match source.kind() {

@@ -1,7 +1,7 @@
 //! `plan-path`: a path that stays out of people's way, without a pipeline.
 
 use std::fmt::Write as _;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::str::FromStr;
 
@@ -13,15 +13,14 @@ use super::heat_file::read_heat;
 use super::import_args::{ImportArgs, said};
 use super::out_folder::OutFolder;
 use super::screen::Screen;
-use crate::domain::crowd::{CrowdConfig, CrowdError, Planner, Preset, Scene, Speed, mean_pedestrians};
 use crate::domain::geometry::{Frame, Grid, Point};
 use crate::domain::map::{Imported, OccupancyMap};
-use crate::domain::planner::{Found, Path as Planned, SocialPlanner};
-use crate::domain::social::CostConfig;
+use crate::domain::planner::Path;
 use crate::kinds::Heat;
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, planned_path};
 use crate::report::png;
+use crate::stages::path_around::{NoPath, Planned, Trip};
 
 /// The files that it writes.
 const CSV: &str = "path.csv";
@@ -93,8 +92,9 @@ impl FromStr for Place {
 }
 
 impl Args {
-    pub(super) fn run(&self, _: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        self.check()?;
+    pub(super) fn run(&self, _: &std::path::Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let trip = self.trip();
+        trip.check().map_err(refused)?;
         let import = self.import.importer(&self.map)?;
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
         inputs.extend(self.heat.clone());
@@ -102,54 +102,22 @@ impl Args {
         let imported = import.import()?;
         screen.remark(said(&imported));
         let Imported { map, .. } = imported;
-        let crowd = CrowdConfig { radius: self.radius, ..Preset::Comfortable.config() };
-        let crowd = CrowdConfig { speed: Speed { mean: self.speed, ..crowd.speed }, ..crowd };
-        let refused = |error: CrowdError| CliError::request(error.to_string());
-        let scene = Scene::new(&map, &crowd).map_err(refused)?;
-        let [from, to] = [("--from", self.from), ("--to", self.to)].map(|(name, place)| place.on(&map, &scene, name));
-        let ends = [from?, to?];
+        let start = trip.on(&map).map_err(refused)?;
         let heat = self.heat(&map, screen)?;
-        let density = heat.relative_density(map.free());
-        let density = density.ok_or_else(|| CliError::request("the heat says that nobody is anywhere"))?;
-        let cost = CostConfig::default();
-        let people = self.people.unwrap_or_else(|| mean_pedestrians(&crowd, &map));
-        let mut planner = SocialPlanner::new(&scene, &density, map.free(), people, &cost);
-        let found = match self.lambda {
-            None => planner.around(self.detour, ends),
-            Some(lambda) => {
-                planner.path(0.0, ends).zip(planner.path(lambda, ends)).map(|(shortest, best)| Found { shortest, best })
-            }
-        };
-        let Some(found) = found else {
-            let what = "no way leads from `--from` to `--to`";
-            return Err(CliError::advised(
-                what,
-                "see `heat.png` of `annotate` for what is one region, or try `--region all`",
-            ));
-        };
-        self.tell(&found, people, screen);
-        let shortest = &found.shortest;
-        let planned = if self.lambda.is_some() { &found.best } else { found.chosen() };
+        let planned = start.among(&heat).map_err(refused)?;
+        self.tell(&planned, screen);
+        let paths = [&planned.found.shortest, planned.chosen()];
         let frame = map.frame();
-        let picture = draw(frame, &heat.heat, map.free(), [shortest, planned], &import.origin().map_name());
-        let files = [
-            (CSV, csv(frame, [shortest, planned]).into_bytes()),
-            (GEOJSON, geojson(frame, [shortest, planned]).into_bytes()),
-            (PICTURE, picture),
-        ];
+        let picture = draw(frame, &heat.heat, map.free(), paths, &import.origin().map_name());
+        let files =
+            [(CSV, csv(frame, paths).into_bytes()), (GEOJSON, geojson(frame, paths).into_bytes()), (PICTURE, picture)];
         self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }
 
-    fn check(&self) -> Result<(), CliError> {
-        let ranges = [
-            ("--detour", Some(self.detour), 0.0, 10.0),
-            ("--lambda", self.lambda, 0.0, 1e6),
-            ("--people", self.people, 0.0, 1e5),
-            ("--radius", Some(self.radius), 0.05, 2.0),
-            ("--speed", Some(self.speed), 0.1, 10.0),
-        ];
-        CliError::out_of_range(&ranges).map_or(Ok(()), Err)
+    const fn trip(&self) -> Trip {
+        let Self { from: Place(from), to: Place(to), people, detour, lambda, radius, speed, .. } = *self;
+        Trip { from, to, people, detour, lambda, radius, speed }
     }
 
     /// Reads the heat, or lets the model tell one.
@@ -164,14 +132,15 @@ impl Args {
     }
 
     /// Says what was found.
-    fn tell(&self, found: &Found, people: f64, screen: &Screen) {
-        let told = |path: &Planned| format!("{:.1} m, expected social cost {:.2}", path.route.length(), path.cost);
+    fn tell(&self, planned: &Planned, screen: &Screen) {
+        let Planned { found, people, is_best } = planned;
+        let told = |path: &Path| format!("{:.1} m, expected social cost {:.2}", path.route.length(), path.cost);
         screen.remark(format!("{people:.1} people are reckoned with"));
         screen.remark(format!("shortest path: {}", told(&found.shortest)));
         let longer = 100.0 * (found.best.route.length() / found.shortest.route.length() - 1.0);
         let less = 100.0 * (1.0 - found.best.cost / found.shortest.cost.max(f64::MIN_POSITIVE));
         let compared = format!("{longer:.1} % longer, {less:.0} % less social cost, λ = {:.3} m", found.best.lambda);
-        if self.lambda.is_some() || found.is_worth_it() {
+        if *is_best {
             screen.remark(format!("planned path: {} ({compared})", told(&found.best)));
         } else {
             let within = 100.0 * self.detour;
@@ -182,35 +151,35 @@ impl Args {
     }
 }
 
-impl Place {
-    /// Returns the place in the local frame; refuses one where the robot does not fit.
-    fn on(self, map: &OccupancyMap, scene: &Scene, name: &str) -> Result<Point, CliError> {
-        let (frame, Self(place)) = (map.frame(), self);
-        let local = frame.to_local(place);
-        if Planner::new(scene).fits(local) {
-            return Ok(local);
+/// Says why there is no path in the words of the options, and what helps.
+fn refused(error: NoPath) -> CliError {
+    match error {
+        NoPath::Range { field, value, low, high } => {
+            CliError::request(format!("`--{field}` is {value}, allowed are {low} to {high}"))
         }
-        let what = format!("the robot does not fit at `{name}` {},{}", place.x, place.y);
-        let corners = [(0, 0), (0, frame.cols), (frame.rows, 0), (frame.rows, frame.cols)].map(|(rows, cols)| {
-            frame.to_map(Point::new(cols as f64 * frame.resolution, rows as f64 * frame.resolution))
-        });
-        let range = |of: fn(&Point) -> f64| {
-            let values = corners.iter().map(of);
-            let (low, high) = values.fold((f64::MAX, f64::MIN), |(low, high), value| (low.min(value), high.max(value)));
-            format!("{low:.1} to {high:.1}")
-        };
-        let (x, y) = (range(|at| at.x), range(|at| at.y));
-        let advice = format!(
-            "choose a place on the free floor that is kept: x is {x}, y is {y} on this map (`--region` keeps other floors)"
-        );
-        Err(CliError::advised(what, advice))
+        NoPath::Narrow { is_start, place, least, most } => {
+            let option = if is_start { "--from" } else { "--to" };
+            let (x, y) = ([least.x, most.x], [least.y, most.y]);
+            let [x, y] = [x, y].map(|[low, high]| format!("{low:.1} to {high:.1}"));
+            CliError::advised(
+                format!("the robot does not fit at `{option}` {},{}", place.x, place.y),
+                format!(
+                    "choose a place on the free floor that is kept: x is {x}, y is {y} on this map (`--region` keeps other floors)"
+                ),
+            )
+        }
+        NoPath::NoWay => CliError::advised(
+            "no way leads from `--from` to `--to`",
+            "see `heat.png` of `annotate` for what is one region, or try `--region all`",
+        ),
+        error @ (NoPath::Crowd(_) | NoPath::Nobody) => CliError::request(error.to_string()),
     }
 }
 
 const NAMES: [&str; 2] = ["shortest", "planned"];
 
 /// Writes both paths point by point.
-fn csv(frame: &Frame, paths: [&Planned; 2]) -> String {
+fn csv(frame: &Frame, paths: [&Path; 2]) -> String {
     let mut text = String::from("path,x,y,meters\n");
     for (name, path) in NAMES.iter().zip(paths) {
         let mut along = 0.0;
@@ -225,7 +194,7 @@ fn csv(frame: &Frame, paths: [&Planned; 2]) -> String {
 }
 
 /// Writes both paths as lines; their coordinates are meters in the frame of the map and not degrees.
-fn geojson(frame: &Frame, paths: [&Planned; 2]) -> String {
+fn geojson(frame: &Frame, paths: [&Path; 2]) -> String {
     let features: Vec<serde_json::Value> = NAMES
         .iter()
         .zip(paths)
@@ -248,6 +217,6 @@ fn geojson(frame: &Frame, paths: [&Planned; 2]) -> String {
 }
 
 /// Draws both paths over the heat.
-fn draw(frame: &Frame, heat: &Grid<f32>, free: &Grid<bool>, paths: [&Planned; 2], title: &str) -> Vec<u8> {
+fn draw(frame: &Frame, heat: &Grid<f32>, free: &Grid<bool>, paths: [&Path; 2], title: &str) -> Vec<u8> {
     png::figure(&planned_path(frame, heat, free, paths.map(|path| path.route.points())), Scale::Linear, title)
 }

@@ -9,9 +9,9 @@ use arrow::array::{ArrayRef, BooleanArray, Float32Array, Int8Array};
 use arrow::datatypes::{DataType, Float32Type, Int8Type};
 
 use super::labels::{check_classes, class_count};
-use super::parquet::{Coding, Column, wrong_value};
+use super::parquet::{AnyTable, Coding, Column, wrong_value};
 use super::raster::{self, Raster};
-use super::{KindError, Placed, SingleFile};
+use super::{KindError, Placed, SingleFile, Tabular};
 use crate::domain::geometry::Grid;
 use crate::domain::quantize::{OBSTACLE, UNLABELED};
 use crate::domain::rank::relative_to_mean;
@@ -87,29 +87,7 @@ impl SingleFile for Placed<Heat> {
     const FORMAT: u32 = 1;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
-        let heat = &self.value;
-        check(heat)?;
-        let mut raster = Raster::new(KIND, <Self as SingleFile>::FORMAT, self.frame);
-        if heat.classes.is_none() {
-            let free = BooleanArray::from(heat.free.as_slice().to_vec());
-            raster = raster.with(Column::new("free", DataType::Boolean), Arc::new(free));
-        }
-        raster = with_floats(raster, "heat".to_owned(), &heat.heat);
-        if let Some(density) = &heat.density {
-            raster = with_floats(raster, "density".to_owned(), density);
-        }
-        for (direction, share) in heat.flow.iter().flatten().enumerate() {
-            raster = with_floats(raster, raster::flow_column(direction), share);
-        }
-        if let Some(part) = &heat.classes {
-            let classes = Int8Array::from(part.classes.as_slice().to_vec());
-            raster = raster.with(Column::new("class", DataType::Int8), Arc::new(classes));
-            for (class, probability) in part.probabilities.iter().enumerate() {
-                raster = with_floats(raster, format!("p{class}"), probability);
-            }
-            raster.layout = raster.layout.with("classes", part.count());
-        }
-        raster.to_bytes()
+        raster_of(self)?.to_bytes()
     }
 
     fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
@@ -134,6 +112,39 @@ impl SingleFile for Placed<Heat> {
         check(&heat)?;
         Ok(Self::new(frame, heat))
     }
+}
+
+impl Tabular for Placed<Heat> {
+    fn table(&self) -> Result<AnyTable, KindError> {
+        raster_of(self)?.table()
+    }
+}
+
+/// Lays the columns of a heat out.
+fn raster_of(placed: &Placed<Heat>) -> Result<Raster, KindError> {
+    let heat = &placed.value;
+    check(heat)?;
+    let mut raster = Raster::new(KIND, <Placed<Heat> as SingleFile>::FORMAT, placed.frame);
+    if heat.classes.is_none() {
+        let free = BooleanArray::from(heat.free.as_slice().to_vec());
+        raster = raster.with(Column::new("free", DataType::Boolean), Arc::new(free));
+    }
+    raster = with_floats(raster, "heat".to_owned(), &heat.heat);
+    if let Some(density) = &heat.density {
+        raster = with_floats(raster, "density".to_owned(), density);
+    }
+    for (direction, share) in heat.flow.iter().flatten().enumerate() {
+        raster = with_floats(raster, raster::flow_column(direction), share);
+    }
+    if let Some(part) = &heat.classes {
+        let classes = Int8Array::from(part.classes.as_slice().to_vec());
+        raster = raster.with(Column::new("class", DataType::Int8), Arc::new(classes));
+        for (class, probability) in part.probabilities.iter().enumerate() {
+            raster = with_floats(raster, format!("p{class}"), probability);
+        }
+        raster.layout = raster.layout.with("classes", part.count());
+    }
+    Ok(raster)
 }
 
 fn with_floats(raster: Raster, name: String, grid: &Grid<f32>) -> Raster {

@@ -4,6 +4,7 @@
 //! fixed ([`parquet`]), metadata are sorted, nothing of the time, the host or the store goes in. Reading checks kind,
 //! format, columns, types and values, so that the domain only ever sees what it would have made itself.
 
+mod checked;
 mod checkpoint;
 mod error;
 mod heat;
@@ -24,12 +25,13 @@ mod visits;
 use crate::domain::geometry::Frame;
 use crate::store::{Artifact, FileRef, Store, open_regular};
 
+pub use checked::checked;
 pub use checkpoint::{Checkpoint, CheckpointConfig, Learned};
 pub use error::KindError;
 pub use heat::{Heat, HeatClasses};
 pub use model::Model;
 pub use nav_episodes::{NavEpisodes, NavSample};
-pub use parquet::Outline;
+pub use parquet::{AnyTable, Outline};
 pub use table::{TableError, TableFile, data_frame, sql};
 pub use trajectories::{TrackReader, TrackWriter, chunk_files};
 
@@ -98,6 +100,15 @@ impl<T: SingleFile> Kind for T {
     fn read(store: &Store, artifact: &Artifact) -> Result<Self, KindError> {
         Self::from_bytes(store.read(&only_file(<T as SingleFile>::NAME, artifact)?.digest)?)
     }
+}
+
+/// A kind that is a table at hand as well, without the way through a file.
+pub trait Tabular {
+    /// Returns columns and metadata as [reading](parquet::read_any) the file of the value does.
+    ///
+    /// # Errors
+    /// [`KindError`] if the value is none that the kind may hold.
+    fn table(&self) -> Result<AnyTable, KindError>;
 }
 
 /// A value that lies on a map, with the frame of that map.

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use arrow::array::{BooleanArray, UInt8Array};
 use arrow::datatypes::{DataType, UInt8Type};
 
-use super::parquet::{Column, Table};
+use super::parquet::{AnyTable, Column, Table};
 use super::raster::{self, Raster};
-use super::{KindError, SingleFile};
+use super::{KindError, SingleFile, Tabular};
 use crate::domain::geometry::{Frame, Grid};
 use crate::domain::map::{Observed, OccupancyMap};
 
@@ -20,14 +20,7 @@ impl SingleFile for OccupancyMap {
     const FORMAT: u32 = 1;
 
     fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
-        let (free, observed) = (self.free().as_slice(), self.observed().as_slice());
-        let raster = Raster::new(<Self as SingleFile>::NAME, <Self as SingleFile>::FORMAT, *self.frame())
-            .with(Column::new("free", DataType::Boolean), Arc::new(BooleanArray::from(free.to_vec())));
-        if free.iter().zip(observed).all(|(free, observed)| Observed::of_free(*free) == *observed) {
-            return raster.to_bytes();
-        }
-        let codes = UInt8Array::from_iter_values(observed.iter().map(|observed| observed.code()));
-        raster.with(Column::new(OBSERVED, DataType::UInt8), Arc::new(codes)).to_bytes()
+        raster_of(self).to_bytes()
     }
 
     fn from_bytes(bytes: Vec<u8>) -> Result<Self, KindError> {
@@ -40,6 +33,24 @@ impl SingleFile for OccupancyMap {
         }
         map.with_observed(observed(&table, &frame)?).map_err(shape)
     }
+}
+
+impl Tabular for OccupancyMap {
+    fn table(&self) -> Result<AnyTable, KindError> {
+        raster_of(self).table()
+    }
+}
+
+/// Lays the columns of a map out.
+fn raster_of(map: &OccupancyMap) -> Raster {
+    let (free, observed) = (map.free().as_slice(), map.observed().as_slice());
+    let raster = Raster::new(<OccupancyMap as SingleFile>::NAME, <OccupancyMap as SingleFile>::FORMAT, *map.frame())
+        .with(Column::new("free", DataType::Boolean), Arc::new(BooleanArray::from(free.to_vec())));
+    if free.iter().zip(observed).all(|(free, observed)| Observed::of_free(*free) == *observed) {
+        return raster;
+    }
+    let codes = UInt8Array::from_iter_values(observed.iter().map(|observed| observed.code()));
+    raster.with(Column::new(OBSERVED, DataType::UInt8), Arc::new(codes))
 }
 
 fn observed(table: &Table, frame: &Frame) -> Result<Grid<Observed>, KindError> {

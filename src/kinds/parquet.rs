@@ -131,14 +131,30 @@ impl Layout {
         Arc::new(Schema::new(self.columns.iter().map(field).collect::<Vec<_>>()))
     }
 
-    fn key_values(&self) -> Vec<KeyValue> {
+    /// Joins whole columns, one array for each column of the layout, as reading the file of them does.
+    ///
+    /// # Errors
+    /// [`KindError::Shape`] if the arrays are not of one length or not of the columns' types.
+    pub fn table(&self, arrays: Vec<ArrayRef>) -> Result<AnyTable, KindError> {
+        let schema = self.schema();
+        let batch = RecordBatch::try_new(schema.clone(), arrays)
+            .map_err(|e| KindError::Shape { kind: self.kind, what: e.to_string() })?;
+        Ok(AnyTable { schema, metadata: self.entries(), batches: vec![batch] })
+    }
+
+    /// Returns what stands beside the table, units, kind and format among it.
+    fn entries(&self) -> BTreeMap<String, String> {
         let units: BTreeMap<&str, &str> =
             self.columns.iter().filter(|c| !c.unit.is_empty()).map(|c| (c.name.as_str(), c.unit)).collect();
         let mut all = self.metadata.clone();
         all.insert("kind".to_owned(), self.kind.to_owned());
         all.insert("format".to_owned(), self.format.to_string());
         all.insert("units".to_owned(), serde_json::to_string(&units).expect("a map of strings is JSON"));
-        all.into_iter().map(|(key, value)| KeyValue::new(key, value)).collect()
+        all
+    }
+
+    fn key_values(&self) -> Vec<KeyValue> {
+        self.entries().into_iter().map(|(key, value)| KeyValue::new(key, value)).collect()
     }
 
     fn properties(&self) -> WriterProperties {

@@ -8,7 +8,7 @@ use arrow::array::{ArrayRef, Float64Array, UInt32Array};
 use arrow::datatypes::{DataType, UInt32Type};
 
 use super::KindError;
-use super::parquet::{Column, Layout, Table};
+use super::parquet::{AnyTable, Column, Layout, Table};
 use crate::domain::geometry::{Cell, Frame, Grid, Point};
 use crate::domain::raster::DIRECTIONS;
 
@@ -40,6 +40,18 @@ impl Raster {
     /// # Errors
     /// [`KindError::Shape`] if a column has not one value per cell.
     pub fn to_bytes(&self) -> Result<Vec<u8>, KindError> {
+        self.layout.bytes(self.arrays()?)
+    }
+
+    /// Returns the raster as a table.
+    ///
+    /// # Errors
+    /// As [`to_bytes`](Self::to_bytes).
+    pub fn table(&self) -> Result<AnyTable, KindError> {
+        self.layout.table(self.arrays()?)
+    }
+
+    fn arrays(&self) -> Result<Vec<ArrayRef>, KindError> {
         let (rows, cols) = (self.frame.rows, self.frame.cols);
         for (array, column) in self.arrays.iter().zip(&self.layout.columns[place_columns().len()..]) {
             if array.len() != rows * cols {
@@ -49,7 +61,7 @@ impl Raster {
         }
         let mut arrays = place_arrays(&self.frame);
         arrays.extend(self.arrays.iter().cloned());
-        self.layout.bytes(arrays)
+        Ok(arrays)
     }
 }
 

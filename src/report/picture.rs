@@ -8,7 +8,7 @@ use super::axis::Axis;
 use super::colors::{self, Rgb};
 
 pub use super::axis::Scale;
-pub use super::shown::{Shown, heat_picture};
+pub use super::shown::{Shown, heat_picture, labels_picture, visits_picture};
 pub use super::tracks::{planned_path, route_graph};
 
 /// A picture, cell by cell.

@@ -229,13 +229,15 @@ fn network(network: &Architecture) -> String {
 }
 
 /// Draws visit counts.
-pub(super) fn visits_picture(placed: &Placed<VisitCounts>) -> Picture {
+#[must_use]
+pub fn visits_picture(placed: &Placed<VisitCounts>) -> Picture {
     let values = placed.value.counts.map(|count| *count as f32);
     Picture::values(placed.frame, values, None, "visits", Some("not visited"))
 }
 
 /// Draws labels.
-pub(super) fn labels_picture(placed: &Placed<Labels>) -> Picture {
+#[must_use]
+pub fn labels_picture(placed: &Placed<Labels>) -> Picture {
     Picture::classes(placed.frame, placed.value.classes.clone(), placed.value.count, "not visited")
 }
 

@@ -9,7 +9,7 @@ use serde_json::Value;
 
 use super::{compute, kind, read, write};
 use crate::domain::annotate::{
-    AnnotateConfig, AnnotateError, AnnotateFields, Annotation, annotate, quantize, thresholds,
+    AnnotateConfig, AnnotateError, AnnotateFields, Annotation, Mode, annotate, quantize, thresholds,
 };
 use crate::domain::map::{MapError, OccupancyMap};
 use crate::domain::unet::{Compute, Network};
@@ -18,6 +18,9 @@ use crate::pipeline::stage::{
     Arity, Context, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
 };
 use crate::store::Store;
+
+/// Offsets that are averaged where a model says ranks and nothing else is asked for.
+const RANKS_OFFSETS: u32 = 8;
 
 /// Parameters of `annotate`.
 #[derive(Debug, Clone, Default)]
@@ -89,6 +92,14 @@ impl Stage for Annotate {
         })?;
         let heat = heat(&shown, &checkpoint.into(), &self.0, &compute, &mut progress)?;
         write(context, &Placed::new(*map.frame(), heat))
+    }
+}
+
+/// Lets what the model says choose how many offsets are averaged where nobody asked for a number: one in each rotation and
+/// mirroring if it says ranks.
+pub fn settle(config: &mut AnnotateConfig, asked: Option<u32>, model: &Model) {
+    if let (Mode::Dense { offsets, .. }, None, None) = (&mut config.mode, asked, model.config.counts()) {
+        *offsets = RANKS_OFFSETS;
     }
 }
 

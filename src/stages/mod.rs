@@ -20,6 +20,7 @@ pub mod isovist;
 pub mod map_origin;
 pub mod maps;
 pub mod navigate;
+pub mod path_around;
 mod plan_advice;
 pub mod plan_paths;
 pub mod quantize;

@@ -16,6 +16,9 @@ use crate::domain::geometry::{Frame, Grid, Point};
 /// The edge of a pixel of an [iGibson picture](igibson_image) in meters.
 pub const IGIBSON_RESOLUTION: f64 = 0.01;
 
+/// How far from zero the origin of a grid may lie, in meters: maps in metric grids of the Earth lie within 10⁷ m.
+const FARTHEST: f64 = 1e8;
+
 /// A map that was read, and what became of its free floor.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Imported {
@@ -50,6 +53,24 @@ pub fn import_ros(yaml: &MapYaml, image: &[u8], config: &ImportConfig) -> Result
     let yaml = yaml.overridden(config)?;
     let (pixels, frame, picture) = pixels_of_ros(&yaml, image)?;
     finish(&pixels, yaml.resolution, MapForm::Ros, config, |_| frame).map_err(|error| explained(error, &picture))
+}
+
+/// Takes cells that somebody has at hand, `true` for free ones, as [`import_image`] takes the pixels of a picture.
+///
+/// # Errors
+/// [`MapImportError`] if there are no cells, a parameter or the frame is out of range, or hardly anything is free.
+pub fn import_grid(free: &Grid<bool>, frame: &Frame, config: &ImportConfig) -> Result<Imported, MapImportError> {
+    ImportConfig { image_resolution: Some(frame.resolution), ..config.clone() }.check()?;
+    for (field, value) in [("origin", frame.origin.x), ("origin", frame.origin.y), ("yaw", frame.yaw)] {
+        if !(-FARTHEST..=FARTHEST).contains(&value) {
+            return Err(MapImportError::Parameter { field, value, low: -FARTHEST, high: FARTHEST });
+        }
+    }
+    if free.is_empty() {
+        return Err(MapError::NoFreeSpace.into());
+    }
+    let pixels = free.map(|free| if *free { Pixel::Free } else { Pixel::Occupied });
+    finish(&pixels, frame.resolution, MapForm::Image, config, |_| *frame)
 }
 
 /// Reads which pixels of a map of ROS `map_server` are free, on the grid of the image itself.
@@ -353,6 +374,30 @@ mod tests {
         });
         let imported = import_image(&painted, &plain()).expect("a map");
         assert_eq!((imported.survey.kept, imported.survey.outdoors, imported.survey.paper), (100.0, 0.0, false));
+    }
+
+    #[test]
+    fn a_grid_at_hand_is_what_its_picture_is() {
+        let image = walled(&[&[255, 255, 0, 255], &[255, 255, 0, 255]]);
+        let free =
+            Grid::from_fn(4, 6, |cell| (1..3).contains(&cell.row) && (1..5).contains(&cell.col) && cell.col != 3);
+        let frame = Frame::at_zero(1.0, 4, 6);
+        let imported = import_grid(&free, &frame, &coarse()).expect("a map");
+        assert_eq!(imported, import_image(&image, &plain()).expect("a map"));
+        // With an origin of its own it lies elsewhere.
+        let away = Frame { origin: Point::new(10.0, -2.0), yaw: 0.5, ..frame };
+        let moved = import_grid(&free, &away, &coarse()).expect("a map").map;
+        assert_eq!(moved.free(), imported.map.free());
+        let center = |map: &OccupancyMap| map.frame().to_map(map.frame().center(Cell::new(1, 1)));
+        assert!(away.to_map(center(&imported.map)).distance(center(&moved)) < 1e-9);
+        for (free, frame) in [
+            (Grid::filled(0, 6, true), Frame { rows: 0, ..frame }),
+            (Grid::filled(4, 6, false), frame),
+            (free.clone(), Frame { resolution: f64::NAN, ..frame }),
+            (free.clone(), Frame { yaw: f64::INFINITY, ..frame }),
+        ] {
+            import_grid(&free, &frame, &coarse()).expect_err("no map");
+        }
     }
 
     #[test]

@@ -31,7 +31,8 @@ pub use distance::squared_distances;
 pub use error::MapImportError;
 pub use form::{MapForm, PlanForm};
 pub use import::{
-    IGIBSON_RESOLUTION, Imported, free_pixels, igibson_floor, igibson_image, import_igibson, import_image, import_ros,
+    IGIBSON_RESOLUTION, Imported, free_pixels, igibson_floor, igibson_image, import_grid, import_igibson, import_image,
+    import_ros,
 };
 pub use indoors::Survey;
 pub use observed::Observed;
