@@ -4,6 +4,7 @@
 //! number of rows, an encoding per column, statistics per row group, no page index, `created_by` without a version.
 //! Metadata are sorted by key and always hold `kind`, `format` and `units` (a JSON object of column to unit).
 
+mod any_table;
 mod footer;
 mod pages;
 mod read;
@@ -26,7 +27,8 @@ use super::KindError;
 use crate::domain::geometry::Frame;
 use crate::store::StoreError;
 
-pub use read::{AnyTable, Batch, Batches, Outline, Table, read_any, wrong_value};
+pub use any_table::AnyTable;
+pub use read::{Batch, Batches, Outline, Table, read_any, wrong_value};
 
 /// Rows of a row group, unless rows are large.
 pub const GROUP_ROWS: usize = 1 << 17;

@@ -5,8 +5,8 @@ use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::panic::AssertUnwindSafe;
 
-use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
-use arrow::datatypes::{ArrowPrimitiveType, DataType, SchemaRef};
+use arrow::array::{Array, ArrayRef, AsArray};
+use arrow::datatypes::{ArrowPrimitiveType, DataType};
 use bytes::Bytes;
 use parquet::arrow::ProjectionMask;
 use parquet::arrow::arrow_reader::{
@@ -14,6 +14,7 @@ use parquet::arrow::arrow_reader::{
 };
 use parquet::file::metadata::KeyValue;
 
+use super::any_table::AnyTable;
 use super::{Column, footer, pages};
 use crate::domain::geometry::{Frame, Point};
 use crate::kinds::KindError;
@@ -357,16 +358,6 @@ impl Outline {
     pub fn positive(&self, key: &str) -> Option<f64> {
         self.metadata.get(key)?.parse().ok().filter(|value: &f64| value.is_finite() && *value > 0.0)
     }
-}
-
-/// A Parquet file of whatever kind, as people look at it.
-pub struct AnyTable {
-    /// Names and types of the columns.
-    pub schema: SchemaRef,
-    /// Metadata by key; of our own files `kind`, `format`, `units` and what the kind adds.
-    pub metadata: BTreeMap<String, String>,
-    /// The rows, some at a time.
-    pub batches: Vec<RecordBatch>,
 }
 
 /// Reads a whole Parquet file of whatever kind.
