@@ -15,6 +15,7 @@ mod gc;
 mod import_args;
 mod init;
 mod keep;
+mod look;
 mod ls;
 mod model_files;
 mod out_folder;

@@ -11,6 +11,7 @@ use super::annotate::predict_by_default;
 use super::error::CliError;
 use super::export_nav2;
 use super::import_args::{ImportArgs, said};
+use super::look::{self, VIEW};
 use super::out_folder::OutFolder;
 use super::screen::Screen;
 use crate::domain::crowd::{CrowdConfig, CrowdError, Planner, Preset, Scene, Speed, mean_pedestrians};
@@ -22,6 +23,7 @@ use crate::kinds::{Heat, Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, planned_path};
 use crate::report::png;
+use crate::report::viewer::Scene as View;
 
 /// The files that it writes.
 const CSV: &str = "path.csv";
@@ -35,8 +37,8 @@ const PICTURE: &str = "path.png";
 tenth longer than the shortest one, and says so where none saves more than a quarter of that cost; then the shortest path is the one to take. \
 With --lambda the path has the least length + λ · expected social cost instead, however long it is.
 
-It writes `path.csv` (path, x, y, meters along it), `path.geojson` (two lines with their lengths and costs) and `path.png`, with \
-the shortest path beside the planned one. All coordinates are meters in the frame of the map.
+It writes `path.csv` (path, x, y, meters along it), `path.geojson` (two lines with their lengths and costs), `path.png` and `view.html` \
+(a page to look at it closely), with the shortest path beside the planned one. All coordinates are meters in the frame of the map.
 
 Examples:
   trodden plan-path my_map.yaml --from 2.5,1 --to 14,8.5 --out path
@@ -98,7 +100,7 @@ impl Args {
         let import = self.import.importer(&self.map)?;
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
         inputs.extend(self.heat.clone());
-        self.out.check(&[CSV, GEOJSON, PICTURE], &inputs)?;
+        self.out.check(&[CSV, GEOJSON, PICTURE, VIEW], &inputs)?;
         let imported = import.import()?;
         screen.remark(said(&imported));
         let Imported { map, .. } = imported;
@@ -131,11 +133,16 @@ impl Args {
         let shortest = &found.shortest;
         let planned = if self.lambda.is_some() { &found.best } else { found.chosen() };
         let frame = map.frame();
-        let picture = draw(frame, &heat.heat, map.free(), [shortest, planned], &import.origin().map_name());
+        let name = import.origin().map_name();
+        let picture = draw(frame, &heat.heat, map.free(), [shortest, planned], &name);
+        let view = View::new(name, &map).heat("", &Placed::new(*frame, heat));
+        let about = [shortest, planned].map(told);
+        let view = view.paths([(shortest.route.points(), &about[0]), (planned.route.points(), &about[1])]);
         let files = [
             (CSV, csv(frame, [shortest, planned]).into_bytes()),
             (GEOJSON, geojson(frame, [shortest, planned]).into_bytes()),
             (PICTURE, picture),
+            (VIEW, look::view(&view, PICTURE)),
         ];
         self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
@@ -170,7 +177,6 @@ impl Args {
 
     /// Says what was found.
     fn tell(&self, found: &Found, people: f64, screen: &Screen) {
-        let told = |path: &Planned| format!("{:.1} m, expected social cost {:.2}", path.route.length(), path.cost);
         screen.remark(format!("{people:.1} people are reckoned with"));
         screen.remark(format!("shortest path: {}", told(&found.shortest)));
         let longer = 100.0 * (found.best.route.length() / found.shortest.route.length() - 1.0);
@@ -185,6 +191,11 @@ impl Args {
             ));
         }
     }
+}
+
+/// Says what a path is like.
+fn told(path: &Planned) -> String {
+    format!("{:.1} m, expected social cost {:.2}", path.route.length(), path.cost)
 }
 
 impl Place {
