@@ -43,6 +43,8 @@ pub enum ReportError {
     Table(#[from] TableError),
     #[error("there is no way to show a `{kind}`")]
     UnknownKind { kind: String },
+    #[error("`{node}` was not made in this run")]
+    Unmade { node: String },
 }
 
 impl ReportError {
@@ -53,6 +55,7 @@ impl ReportError {
             Self::Store(error) => error.help(),
             Self::Kind(error) => error.help(),
             Self::Table(error) => error.help(),
+            Self::Unmade { .. } => Some("it failed or was skipped: run the pipeline again".to_owned()),
             Self::UnknownKind { .. } => Some("a newer version of trodden may have made it".to_owned()),
         }
     }
