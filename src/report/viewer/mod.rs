@@ -1,7 +1,7 @@
 //! A page on which a map can be looked at: offline, in any browser of our days.
 //!
 //! A [`Scene`] is what lies on one map: layers of values or classes, directions of flow, lines, episodes to play. It becomes
-//! a whole page ([`page`]) or a part of one ([`embedded`], once [`assets`] is in the page).
+//! a whole page ([`page()`]) or a part of one ([`embedded`], once [`assets`] is in the page).
 //!
 //! # How it works
 //!
