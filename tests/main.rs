@@ -1,6 +1,7 @@
 //! All integration tests, in one binary: one link of polars and burn.
 
 mod architecture;
+mod browser;
 mod cli;
 mod crowd;
 mod equations;
@@ -16,6 +17,7 @@ mod python_artifacts;
 mod report;
 mod store;
 mod unet;
+mod viewer;
 
 #[global_allocator]
 static ALLOCATOR: fuzz::memory::Counting = fuzz::memory::Counting;

@@ -1,7 +1,6 @@
 //! Renders the report of a run from artifacts made on the spot, and looks at it: with a parser's eye, and with a browser's.
 
 use std::path::Path;
-use std::process::Command;
 
 use tempfile::TempDir;
 use trodden::domain::crowd::{CrowdConfig, NavConfig, Scene, Summary};
@@ -23,7 +22,7 @@ use trodden::report::picture::{Scale, Shown};
 use trodden::report::{ReportError, html, png, terminal};
 use trodden::store::{Artifact, Outcome, Role, Run, RunNode, RunStatus, Store};
 
-use super::needs::Need;
+use super::browser::Page;
 
 /// A run in the making, over artifacts of a temporary store.
 struct Maker {
@@ -249,7 +248,11 @@ fn finished() -> Maker {
 
 /// Everything that a page could load from elsewhere.
 fn check_offline(page: &str) {
-    for outside in ["<script", "<link", "<iframe", "@import", "src=", "http-equiv", "url(http"] {
+    for (at, _) in page.match_indices("<script") {
+        let inline = ["<script>(() =>", "<script type=\"application/json\">", "<script type=\"text/plain\">"];
+        assert!(inline.iter().any(|begin| page[at..].starts_with(begin)), "{}", &page[at..at + 60]);
+    }
+    for outside in ["<link", "<iframe", "@import", "src=", "http-equiv", "url(http"] {
         assert!(!page.contains(outside), "the page has `{outside}`");
     }
     for (at, _) in page.match_indices("href=\"") {
@@ -305,6 +308,11 @@ fn the_report_shows_a_finished_run() {
     std::fs::remove_dir_all(maker.store.root().join("cache")).expect("the cache is there");
     assert!(first == html::render(&maker.store, &maker.run));
     check_in_browser(&path);
+    // A page for one of the heats has it first.
+    let wide = maker.run.nodes.iter().find(|node| node.node == "heat-wide/home_1000").expect("a node");
+    let page = html::view(&maker.store, &maker.run, wide).expect("reads").expect("it lies on a map");
+    let at = |name: &str| page.find(&format!("\"name\":\"{name}\"")).expect("a layer");
+    assert!(at("heat, heat-wide") < at("heat, heat") && at("heat, heat") < at("visits"));
 }
 
 #[test]
@@ -381,35 +389,45 @@ fn every_kind_is_shown_in_a_terminal_and_as_a_picture() {
     assert!(matches!(error, ReportError::UnknownKind { .. }) && error.help().is_some());
 }
 
-/// Marks the page's body with the number of images and of those that decode.
-const PROBE: &str = "<script>
-Promise.all([...document.querySelectorAll('image')].map(image => {
-    const probe = new Image();
-    probe.src = image.getAttribute('href');
-    return probe.decode().then(() => probe.naturalWidth > 0, () => false);
-})).then(found => document.body.setAttribute('data-decoded', found.filter(Boolean).length + ' of ' + found.length));
-</script>";
+/// Counts the images and those that decode, opens all views, and counts those that show something.
+const PROBE: &str = "(async () => {
+    const images = [...document.querySelectorAll('image')].map(image => {
+        const probe = new Image();
+        probe.src = image.getAttribute('href');
+        return probe.decode().then(() => probe.naturalWidth > 0, () => false);
+    });
+    const decoded = (await Promise.all(images)).filter(Boolean).length;
+    const views = [...document.querySelectorAll('.trodden-view')];
+    const lazy = views.every(view => !view.querySelector('canvas'));
+    document.querySelectorAll('details.look').forEach(fold => { fold.open = true; });
+    await until(() => views.every(view => 'ready' in view.dataset));
+    const layers = views.map(view => [...view.querySelectorAll('.tv-choice')].map(label => label.textContent));
+    return { images: images.length, decoded, lazy, layers };
+})()";
 
 /// Loads the page in a browser without a window, where one is installed.
 fn check_in_browser(path: &Path) {
     let page = std::fs::read_to_string(path).expect("reads");
-    let probed = path.with_file_name("probed.html");
-    std::fs::write(&probed, page.replace("</body>", &format!("{PROBE}</body>"))).expect("writes");
-    let profile = tempfile::tempdir().expect("creates");
-    let flags = "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking \
-                 --disable-component-update --disable-sync --virtual-time-budget=10000 --dump-dom";
-    let run = Command::new("chromium")
-        .args(flags.split_whitespace())
-        .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(format!("file://{}", probed.display()))
-        .output();
-    let Ok(output) = run else {
-        Need::Browser.missing("there is no `chromium` on the PATH to load the report in");
-        return;
-    };
-    let dom = String::from_utf8_lossy(&output.stdout);
+    let Some(mut open) = Page::open(path, "") else { return };
+    let said = open.run(PROBE);
+    open.check();
     let images = page.matches("<image ").count();
-    let expected = format!("data-decoded=\"{images} of {images}\"");
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(dom.contains(&expected), "expected {expected} in a page of {} bytes\n{errors}", dom.len());
+    let layers = [
+        "heat, heat",
+        "heat, heat-wide",
+        "classes, heat",
+        "classes, heat-wide",
+        "visits",
+        "labels",
+        "map only",
+        "linear",
+        "log",
+        "people of the episode",
+        "tracks of the episode",
+        "grid in meters",
+    ];
+    let mut told: Vec<&str> = said["layers"][0].as_array().expect("labels").iter().filter_map(|l| l.as_str()).collect();
+    told.sort_unstable_by_key(|label| layers.iter().position(|layer| layer == label));
+    assert_eq!(told, layers);
+    assert_eq!((&said["images"], &said["decoded"], &said["lazy"]), (&images.into(), &images.into(), &true.into()));
 }

@@ -7,6 +7,7 @@ use std::process::ExitCode;
 use super::crowd_args::{self, CrowdArgs};
 use super::error::CliError;
 use super::import_args::{ImportArgs, said};
+use super::look::{self, VIEW};
 use super::model_files;
 use super::out_folder::OutFolder;
 use super::screen::Screen;
@@ -17,6 +18,7 @@ use crate::pipeline::stage::Stage;
 use crate::report::bars::WorkBar;
 use crate::report::picture::{Picture, Scale, heat_picture};
 use crate::report::png;
+use crate::report::viewer::Scene;
 use crate::stages::{annotate, compute};
 
 /// The files that it writes.
@@ -28,7 +30,7 @@ const PICTURE: &str = "heat.png";
 /// Arguments of `annotate`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "It writes `heat.parquet` (one row a cell: heat, and what else the model says), `heat.png`, and `map.parquet`; with `--by both` \
+    after_help = "It writes `heat.parquet` (one row a cell: heat, and what else the model says), `heat.png`, `map.parquet`, and `view.html`, a page to look at it all closely; with `--by both` \
 `simulated.parquet` besides.
 
 Maps of ROS are read as nav2 reads them, but for the gray value 205: `map_saver` writes it for unknown space, so it is unknown \
@@ -96,7 +98,8 @@ impl Args {
         self.check_options()?;
         let (mut config, walks) = (self.config()?, self.crowd.walks()?);
         let import = self.import.importer(&self.map)?;
-        let names: &[&str] = if self.by == By::Both { &[HEAT, SIMULATED, MAP, PICTURE] } else { &[HEAT, MAP, PICTURE] };
+        let names: &[&str] =
+            if self.by == By::Both { &[HEAT, SIMULATED, MAP, PICTURE, VIEW] } else { &[HEAT, MAP, PICTURE, VIEW] };
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
         inputs.extend(self.model.iter().flat_map(|model| Checkpoint::FILES.map(|name| model.join(name))));
         self.out.check(names, &inputs)?;
@@ -124,11 +127,17 @@ impl Args {
                 (heat, Some(walked), picture)
             }
         };
+        let scene = Scene::new(name, &map);
+        let scene = match &besides {
+            None => scene.heat("", &heat),
+            Some(walked) => scene.heat("predicted", &heat).heat("simulated", walked),
+        };
+        let scene = if self.by == By::Model { scene } else { look::with_people(scene, &map, &walks)? };
         let mut files = vec![(HEAT, heat.to_bytes()?)];
         if let Some(walked) = besides {
             files.push((SIMULATED, walked.to_bytes()?));
         }
-        files.extend([(MAP, map.to_bytes()?), (PICTURE, picture)]);
+        files.extend([(MAP, map.to_bytes()?), (PICTURE, picture), (VIEW, look::view(&scene, PICTURE))]);
         self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }

@@ -15,6 +15,7 @@ mod heat_file;
 mod import_args;
 mod init;
 mod keep;
+mod look;
 mod ls;
 pub(crate) mod model_files;
 mod out_folder;

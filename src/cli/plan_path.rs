@@ -11,15 +11,17 @@ use super::annotate::predict_by_default;
 use super::error::CliError;
 use super::heat_file::read_heat;
 use super::import_args::{ImportArgs, said};
+use super::look::{self, VIEW};
 use super::out_folder::OutFolder;
 use super::screen::Screen;
 use crate::domain::geometry::{Frame, Grid, Point};
 use crate::domain::map::{Imported, OccupancyMap};
 use crate::domain::planner::Path;
-use crate::kinds::Heat;
+use crate::kinds::{Heat, Placed};
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, planned_path};
 use crate::report::png;
+use crate::report::viewer::Scene as View;
 use crate::stages::path_around::{NoPath, Planned, Trip};
 
 /// The files that it writes.
@@ -34,8 +36,8 @@ const PICTURE: &str = "path.png";
 tenth longer than the shortest one, and says so where none saves more than a quarter of that cost; then the shortest path is the one to take. \
 With --lambda the path has the least length + λ · expected social cost instead, however long it is.
 
-It writes `path.csv` (path, x, y, meters along it), `path.geojson` (two lines with their lengths and costs) and `path.png`, with \
-the shortest path beside the planned one. All coordinates are meters in the frame of the map.
+It writes `path.csv` (path, x, y, meters along it), `path.geojson` (two lines with their lengths and costs), `path.png` and `view.html` \
+(a page to look at it closely), with the shortest path beside the planned one. All coordinates are meters in the frame of the map.
 
 Examples:
   trodden plan-path my_map.yaml --from 2.5,1 --to 14,8.5 --out path
@@ -98,7 +100,7 @@ impl Args {
         let import = self.import.importer(&self.map)?;
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
         inputs.extend(self.heat.clone());
-        self.out.check(&[CSV, GEOJSON, PICTURE], &inputs)?;
+        self.out.check(&[CSV, GEOJSON, PICTURE, VIEW], &inputs)?;
         let imported = import.import()?;
         screen.remark(said(&imported));
         let Imported { map, .. } = imported;
@@ -108,9 +110,17 @@ impl Args {
         self.tell(&planned, screen);
         let paths = [&planned.found.shortest, planned.chosen()];
         let frame = map.frame();
-        let picture = draw(frame, &heat.heat, map.free(), paths, &import.origin().map_name());
-        let files =
-            [(CSV, csv(frame, paths).into_bytes()), (GEOJSON, geojson(frame, paths).into_bytes()), (PICTURE, picture)];
+        let name = import.origin().map_name();
+        let picture = draw(frame, &heat.heat, map.free(), paths, &name);
+        let about = paths.map(told);
+        let view = View::new(name, &map).heat("", &Placed::new(*frame, heat));
+        let view = view.paths([0, 1].map(|at| (paths[at].route.points(), about[at].as_str())));
+        let files = [
+            (CSV, csv(frame, paths).into_bytes()),
+            (GEOJSON, geojson(frame, paths).into_bytes()),
+            (PICTURE, picture),
+            (VIEW, look::view(&view, PICTURE)),
+        ];
         self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }
@@ -134,7 +144,6 @@ impl Args {
     /// Says what was found.
     fn tell(&self, planned: &Planned, screen: &Screen) {
         let Planned { found, people, is_best } = planned;
-        let told = |path: &Path| format!("{:.1} m, expected social cost {:.2}", path.route.length(), path.cost);
         screen.remark(format!("{people:.1} people are reckoned with"));
         screen.remark(format!("shortest path: {}", told(&found.shortest)));
         let longer = 100.0 * (found.best.route.length() / found.shortest.route.length() - 1.0);
@@ -149,6 +158,11 @@ impl Args {
             ));
         }
     }
+}
+
+/// Says what a path is like.
+fn told(path: &Path) -> String {
+    format!("{:.1} m, expected social cost {:.2}", path.route.length(), path.cost)
 }
 
 /// Says why there is no path in the words of the options, and what helps.

@@ -7,14 +7,15 @@ use super::error::CliError;
 use super::request::{find_node, find_run};
 use super::screen::{Screen, bytes};
 use crate::report::picture::{Scale, Shown};
-use crate::report::{png, terminal};
-use crate::store::{RunNode, Store, write_whole};
+use crate::report::{html, png, terminal};
+use crate::store::{Run, RunNode, Store, write_whole};
 
 /// Arguments of `show`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   trodden show heat/home_1000
   trodden show visits/home_00 --scale log --png visits.png
+  trodden show heat/home_1000 --html heat.html
   trodden show model")]
 pub struct Args {
     /// The node, such as `heat/home_1000`.
@@ -28,6 +29,9 @@ pub struct Args {
     /// Write a picture (PNG) to this file, or to one named after the node.
     #[arg(long, value_name = "FILE")]
     png: Option<Option<PathBuf>>,
+    /// Write a page to look closely at it and at all else on the same map to this file, or to one named after the node.
+    #[arg(long, value_name = "FILE", conflicts_with = "png")]
+    html: Option<Option<PathBuf>>,
     /// Colors in proportion to the value, or to its logarithm.
     #[arg(long, value_enum, default_value = "linear")]
     scale: ScaleName,
@@ -56,6 +60,9 @@ impl Args {
                 "it failed or was skipped: run the pipeline again",
             )
         })?;
+        if let Some(html) = &self.html {
+            return write_html(html.as_deref(), &store, &run, node, screen);
+        }
         let shown = Shown::of(&store, &node.kind, artifact)?;
         let scale = match self.scale {
             ScaleName::Linear => Scale::Linear,
@@ -96,10 +103,37 @@ impl Args {
                 "leave out `--png`, or see the report of the run",
             ));
         };
-        let path = path.map_or_else(|| PathBuf::from(format!("{}.png", node.node.replace('/', "-"))), Path::to_owned);
-        let bytes = png::figure(picture, scale, &node.node);
-        write_whole(&path, &bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
-        screen.line(path.display().to_string())?;
-        Ok(ExitCode::SUCCESS)
+        write(path, node, "png", &png::figure(picture, scale, &node.node), screen)
     }
+}
+
+fn write_html(
+    path: Option<&Path>,
+    store: &Store,
+    run: &Run,
+    node: &RunNode,
+    screen: &Screen,
+) -> Result<ExitCode, CliError> {
+    let Some(page) = html::view(store, run, node)? else {
+        return Err(CliError::advised(
+            format!("`{}` ({}) lies on no map", node.node, node.kind),
+            "leave out `--html`, or see the report of the run",
+        ));
+    };
+    write(path, node, "html", page.as_bytes(), screen)
+}
+
+/// Writes a file that is named after the node if no other name was given, and prints where it is.
+fn write(
+    path: Option<&Path>,
+    node: &RunNode,
+    extension: &str,
+    bytes: &[u8],
+    screen: &Screen,
+) -> Result<ExitCode, CliError> {
+    let path =
+        path.map_or_else(|| PathBuf::from(format!("{}.{extension}", node.node.replace('/', "-"))), Path::to_owned);
+    write_whole(&path, bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
+    screen.line(path.display().to_string())?;
+    Ok(ExitCode::SUCCESS)
 }

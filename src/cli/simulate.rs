@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use super::crowd_args::{self, CrowdArgs};
 use super::error::CliError;
 use super::import_args::{ImportArgs, said};
+use super::look::{self, VIEW};
 use super::out_folder::OutFolder;
 use super::screen::Screen;
 use crate::domain::map::Imported;
@@ -13,6 +14,7 @@ use crate::kinds::{Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, heat_picture};
 use crate::report::png;
+use crate::report::viewer::Scene;
 
 /// The files that it writes.
 const HEAT: &str = "heat.parquet";
@@ -23,7 +25,7 @@ const PICTURE: &str = "heat.png";
 #[derive(Debug, clap::Args)]
 #[command(
     after_help = "It writes `heat.parquet` (one row a cell: heat, density, and the share of passages in eight directions), \
-`heat.png`, and `map.parquet`: what `annotate` predicts, by walking instead of looking.
+`heat.png`, `map.parquet`, and `view.html`, a page to look at it all closely and to see some of the people walk: what `annotate` predicts, by walking instead of looking.
 
 Examples:
   trodden simulate my_map.yaml --out simulated
@@ -46,14 +48,18 @@ impl Args {
         let walks = self.crowd.walks()?;
         let import = self.import.importer(&self.map)?;
         let inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
-        self.out.check(&[HEAT, MAP, PICTURE], &inputs)?;
+        self.out.check(&[HEAT, MAP, PICTURE, VIEW], &inputs)?;
         screen.remark(format!("simulating people on {}", import.origin().path().display()));
         let imported = import.import()?;
         screen.remark(said(&imported));
         let Imported { map, .. } = imported;
         let heat = Placed::new(*map.frame(), crowd_args::simulate(&map, &walks, screen)?);
-        let picture = png::figure(&heat_picture(&heat), Scale::Linear, &import.origin().map_name());
-        self.out.write(&[(HEAT, heat.to_bytes()?), (MAP, map.to_bytes()?), (PICTURE, picture)], screen)?;
+        let name = import.origin().map_name();
+        let picture = png::figure(&heat_picture(&heat), Scale::Linear, &name);
+        let scene = look::with_people(Scene::new(name, &map).heat("", &heat), &map, &walks)?;
+        let view = look::view(&scene, PICTURE);
+        let files = [(HEAT, heat.to_bytes()?), (MAP, map.to_bytes()?), (PICTURE, picture), (VIEW, view)];
+        self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }
 }

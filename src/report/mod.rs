@@ -4,6 +4,7 @@
 //! - [`picture`]: an artifact as something to look at; [`terminal`] and [`png`] draw it, and so does [`html`];
 //! - [`plain`]: text that gives a terminal no orders;
 //! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
+//! - [`viewer`]: a map to look at closely, in a page of its own or in a report;
 //! - [`html`]: the report of a run.
 //!
 //! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
@@ -22,6 +23,7 @@ pub mod png;
 mod shown;
 pub mod terminal;
 mod tracks;
+pub mod viewer;
 
 use crate::kinds::{KindError, TableError};
 use crate::store::StoreError;
@@ -41,6 +43,8 @@ pub enum ReportError {
     Table(#[from] TableError),
     #[error("there is no way to show a `{kind}`")]
     UnknownKind { kind: String },
+    #[error("`{node}` was not made in this run")]
+    Unmade { node: String },
 }
 
 impl ReportError {
@@ -51,6 +55,7 @@ impl ReportError {
             Self::Store(error) => error.help(),
             Self::Kind(error) => error.help(),
             Self::Table(error) => error.help(),
+            Self::Unmade { .. } => Some("it failed or was skipped: run the pipeline again".to_owned()),
             Self::UnknownKind { .. } => Some("a newer version of trodden may have made it".to_owned()),
         }
     }

@@ -174,6 +174,11 @@ impl Picture {
         }
     }
 
+    /// Returns what it shows.
+    pub(super) const fn layer(&self) -> &Layer {
+        &self.layer
+    }
+
     /// Tells whether it makes a difference how values become colors.
     #[must_use]
     pub const fn has_scale(&self) -> bool {

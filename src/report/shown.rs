@@ -249,6 +249,13 @@ pub fn heat_picture(placed: &Placed<Heat>) -> Picture {
     Picture::values(placed.frame, placed.value.heat.clone(), Some(walls), unit, None)
 }
 
+/// Draws the density of a prediction, if it has one.
+pub(super) fn density_picture(placed: &Placed<Heat>) -> Option<Picture> {
+    let walls = placed.value.free.map(|free| !free);
+    let density = placed.value.density.clone()?;
+    Some(Picture::values(placed.frame, density, Some(walls), "people, relative to the building’s mean", None))
+}
+
 /// Draws the classes of a prediction, if it has some.
 pub(super) fn prediction_picture(placed: &Placed<Heat>) -> Option<Picture> {
     let part = placed.value.classes.as_ref()?;

@@ -39,10 +39,8 @@ pub fn heat(
     walks: &Walks,
     progress: &mut dyn FnMut(usize, usize) -> ControlFlow<()>,
 ) -> Result<(Heat, Summary), StageError> {
-    let Walks { crowd: people, episodes, seed } = walks;
-    people.check().map_err(StageError::failed)?;
-    let digest = Digest::of(&map.to_bytes().map_err(super::kind_failed)?);
-    let scene = Scene::new(map, people).map_err(StageError::failed)?;
+    let Walks { crowd: people, episodes, .. } = walks;
+    let episode = episodes_of(map, walks)?;
     let counter = |count: Count| {
         let config = RasterConfig { count, flow: count == Count::Paths, ..RasterConfig::default() };
         Rasterizer::new(map, &config.sweep(1.0 / people.time_step, people.radius)).map_err(StageError::failed)
@@ -54,8 +52,7 @@ pub fn heat(
         if progress(done * BATCH as usize, numbers.len()).is_break() {
             return Err(StageError::Cancelled);
         }
-        let walked: Vec<Episode> =
-            batch.par_iter().map(|number| scene.episode(*seed, digest.as_bytes(), *number)).collect();
+        let walked: Vec<Episode> = batch.par_iter().map(|number| episode(*number)).collect();
         let push = |counter: &mut Rasterizer| {
             let mut samples = walked.iter().flat_map(|episode| &episode.samples);
             samples.try_for_each(|sample| counter.push(sample)).map_err(StageError::failed)
@@ -68,4 +65,23 @@ pub fn heat(
     }
     let _ = progress(numbers.len(), numbers.len());
     Ok((rank::heat(map, &paths.finish(), Some(&steps.finish())), summary))
+}
+
+/// Simulates the first few of those episodes once more, to be looked at.
+///
+/// # Errors
+/// [`StageError`] if a setting is out of range.
+pub fn first_episodes(map: &OccupancyMap, walks: &Walks, most: u32) -> Result<Vec<Episode>, StageError> {
+    let episode = episodes_of(map, walks)?;
+    Ok((0..walks.episodes.min(most)).into_par_iter().map(episode).collect())
+}
+
+/// Returns what simulates an episode by its number.
+fn episodes_of(map: &OccupancyMap, walks: &Walks) -> Result<impl Fn(u32) -> Episode + Sync, StageError> {
+    let Walks { crowd: people, seed, .. } = walks;
+    people.check().map_err(StageError::failed)?;
+    let digest = Digest::of(&map.to_bytes().map_err(super::kind_failed)?);
+    let scene = Scene::new(map, people).map_err(StageError::failed)?;
+    let seed = *seed;
+    Ok(move |number| scene.episode(seed, digest.as_bytes(), number))
 }

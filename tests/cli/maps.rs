@@ -305,7 +305,7 @@ fn simulate_does_what_a_pipeline_does() {
     place.out(&["run", "walk.yaml"]);
     let people = ["--episodes", "23", "--agents", "2,3", "--seed", "9"];
     let said = place.out(&[&["simulate", "ward/map.yaml", "--out", "walked"], &people[..]].concat());
-    assert_eq!(said, "walked/heat.parquet\nwalked/map.parquet\nwalked/heat.png\n");
+    assert_eq!(said, "walked/heat.parquet\nwalked/map.parquet\nwalked/heat.png\nwalked/view.html\n");
     let read = |name: &str| std::fs::read(place.path(name)).expect("reads");
     let heat = read("walked/heat.parquet");
     assert_eq!(heat, read("artifacts/latest/walk/heat/ward.parquet"));
@@ -313,7 +313,7 @@ fn simulate_does_what_a_pipeline_does() {
     let annotate = ["annotate", "ward/map.yaml", "--offsets", "1", "--out"];
     place.out(&[&annotate, &["model"][..]].concat());
     let said = place.out(&[&annotate, &["both", "--by", "both"][..], &people].concat());
-    assert_eq!(said, "both/heat.parquet\nboth/simulated.parquet\nboth/map.parquet\nboth/heat.png\n");
+    assert_eq!(said, "both/heat.parquet\nboth/simulated.parquet\nboth/map.parquet\nboth/heat.png\nboth/view.html\n");
     assert_eq!((read("both/heat.parquet"), read("both/simulated.parquet")), (read("model/heat.parquet"), heat));
     assert_ne!(read("both/heat.png"), read("model/heat.png"));
 }

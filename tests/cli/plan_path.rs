@@ -56,6 +56,8 @@ fn a_path_is_planned_and_the_shortest_stands_beside_it() {
     assert_eq!(features[1]["geometry"]["coordinates"][0], serde_json::json!([-0.5, 5.0]));
     assert!((features[0]["properties"]["length_m"].as_f64().expect("a number") - 11.0).abs() < 1e-9);
     assert!(image::open(place.path("path/path.png")).is_ok());
+    let view = std::fs::read_to_string(place.path("path/view.html")).expect("it is there");
+    assert!(view.contains("\"name\":\"shortest path, 11.0 m, expected social cost"));
 }
 
 #[test]

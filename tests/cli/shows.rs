@@ -80,6 +80,26 @@ fn tables_have_no_picture() {
 }
 
 #[test]
+fn what_lies_on_a_map_can_be_looked_at_closely() {
+    let place = Place::finished();
+    assert_eq!(place.out(&["show", "heat/home_1000", "--html", "heat.html"]), "heat.html\n");
+    assert_eq!(place.out(&["show", "maps/home_00", "--html"]), "maps-home_00.html\n");
+    let page = |name: &str| std::fs::read_to_string(place.path(name)).expect("is there");
+    // Heat of the only prediction, visits and labels; of the map that was learned from the latter two.
+    for (layer, all, learned) in [("heat", true, false), ("visits", true, true), ("labels", true, true)] {
+        let named = format!("\"name\":\"{layer}\"");
+        assert_eq!((page("heat.html").contains(&named), page("maps-home_00.html").contains(&named)), (all, learned));
+    }
+    assert!(page("heat.html").contains("trips, episode 0, ") && page("heat.html").contains("walks, episode 0, "));
+    for node in ["model", "tiles", "scores/home_1000"] {
+        let said = place.refused(2, &["show", node, "--html", "none.html"]);
+        assert!(said.contains("lies on no map"), "{said}");
+    }
+    place.refused(2, &["show", "heat/home_1000", "--html", "--png"]);
+    assert!(!place.path("none.html").exists());
+}
+
+#[test]
 fn json_is_the_record_of_the_node() {
     let node: serde_json::Value =
         serde_json::from_str(&finished().place.out(&["show", "heat/home_1000", "--json"])).expect("is JSON");

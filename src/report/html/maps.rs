@@ -8,7 +8,8 @@ use rayon::prelude::*;
 use super::Source;
 use super::cache::Fragment;
 use super::figure::figure;
-use super::lineage::{member_name, stage_name};
+use super::lineage::{Lineage, member_name, stage_name};
+use super::views;
 use crate::domain::geometry::Grid;
 use crate::domain::map::OccupancyMap;
 use crate::domain::score::ClassScores;
@@ -163,18 +164,18 @@ pub(super) fn gathered(parts: &[Fragment], frame: impl FnOnce(Markup) -> Markup)
 }
 
 /// The maps of a run, and what lies on each.
-struct Maps<'r> {
+pub(super) struct Maps<'r> {
     maps: Vec<&'r RunNode>,
     on: BTreeMap<&'r str, Vec<&'r RunNode>>,
 }
 
 impl<'r> Maps<'r> {
-    fn of(source: &'r Source<'_>) -> Self {
-        let maps: Vec<&RunNode> = source.lineage.of_kind("OccupancyMap").collect();
+    pub(super) fn of(lineage: &Lineage<'r>) -> Self {
+        let maps: Vec<&RunNode> = lineage.of_kind("OccupancyMap").collect();
         let mut on: BTreeMap<&str, Vec<&RunNode>> = BTreeMap::new();
-        for kind in ["VisitCounts", "Labels", "Heat", "NavEpisodes"] {
-            for node in source.lineage.of_kind(kind) {
-                if let Some(map) = source.lineage.map_of(node) {
+        for kind in views::KINDS {
+            for node in lineage.of_kind(kind) {
+                if let Some(map) = lineage.map_of(node) {
                     on.entry(&map.node).or_default().push(node);
                 }
             }
@@ -182,9 +183,13 @@ impl<'r> Maps<'r> {
         Self { maps, on }
     }
 
+    /// Returns everything on a map.
+    pub(super) fn on(&self, map: &RunNode) -> &[&'r RunNode] {
+        self.on.get(map.node.as_str()).map_or(&[], Vec::as_slice)
+    }
+
     fn kind(&self, map: &RunNode, kind: &str) -> Vec<&'r RunNode> {
-        let all = self.on.get(map.node.as_str()).map_or(&[][..], Vec::as_slice);
-        all.iter().copied().filter(|node| node.kind == kind).collect()
+        self.on(map).iter().copied().filter(|node| node.kind == kind).collect()
     }
 
     /// Splits the maps into those with a prediction and the others.
@@ -195,13 +200,15 @@ impl<'r> Maps<'r> {
 
 /// Shows the maps with predictions: what is on them side by side.
 pub(super) fn featured(source: &Source<'_>) -> Fragment {
-    let maps = Maps::of(source);
+    let maps = Maps::of(source.lineage);
     let (featured, _) = maps.parted();
     if featured.is_empty() {
         return Fragment::whole(String::new());
     }
     let (shown, rest) = featured.split_at(featured.len().min(MOST_FEATURED));
-    let parts: Vec<Fragment> = shown.par_iter().map(|map| one_map(source, &maps, map)).collect();
+    let views = views::within_bounds(shown.par_iter().map(|map| views::view(source, map, maps.on(map))).collect());
+    let parts: Vec<Fragment> =
+        shown.par_iter().zip(views).map(|(map, view)| one_map(source, &maps, map, view)).collect();
     gathered(&parts, |parts| {
         html! {
             section id="maps" {
@@ -215,7 +222,7 @@ pub(super) fn featured(source: &Source<'_>) -> Fragment {
     })
 }
 
-fn one_map(source: &Source<'_>, maps: &Maps<'_>, map: &RunNode) -> Fragment {
+fn one_map(source: &Source<'_>, maps: &Maps<'_>, map: &RunNode, view: Fragment) -> Fragment {
     let heats = maps.kind(map, "Heat");
     let mut truth = vec![(map, View::Map)];
     for visits in maps.kind(map, "VisitCounts") {
@@ -223,7 +230,7 @@ fn one_map(source: &Source<'_>, maps: &Maps<'_>, map: &RunNode) -> Fragment {
     }
     truth.extend(maps.kind(map, "Labels").into_iter().map(|labels| (labels, View::Labels)));
     truth.extend(maps.kind(map, "NavEpisodes").into_iter().map(|trips| (trips, View::Trips)));
-    let mut parts = vec![source.row(&truth)];
+    let mut parts = vec![view, source.row(&truth)];
     if heats.len() > 1 {
         parts.push(compared(source, &heats));
     } else {
@@ -297,7 +304,7 @@ fn compared(source: &Source<'_>, heats: &[&RunNode]) -> Fragment {
 
 /// Shows the maps without predictions by their labels, and windows to train on.
 pub(super) fn gallery(source: &Source<'_>) -> Fragment {
-    let maps = Maps::of(source);
+    let maps = Maps::of(source.lineage);
     let (_, others) = maps.parted();
     let view = |map: &&'_ RunNode| {
         let best = [("Labels", View::Labels), ("VisitCounts", View::Visits(Scale::Log))].into_iter().find_map(

@@ -15,15 +15,17 @@ mod numbers;
 mod page;
 mod source;
 mod training;
+mod views;
 
 use std::path::PathBuf;
 
 use rayon::prelude::*;
 
-use super::ReportError;
-use crate::store::{Run, Store};
+use super::{ReportError, viewer};
+use crate::store::{Run, RunNode, Store};
 use cache::{Cache, Fragment};
 use lineage::Lineage;
+use maps::Maps;
 use source::Source;
 
 /// Writes the report of a run to `runs/<id>/report.html` and returns where that is.
@@ -42,6 +44,25 @@ pub fn render(store: &Store, run: &Run) -> String {
     let source = Source { store, cache: &cache, lineage: &lineage };
     let results = cache.fragment(&fingerprint(run), || results(&source));
     page::page(&lineage, &lead::section(&source), &results.html)
+}
+
+/// Returns a page to look closely at what lies on the map of a node, that node's own layers first; `None` if it
+/// lies on none.
+///
+/// # Errors
+/// [`ReportError`] if the map cannot be read. What else cannot be read is left out.
+pub fn view(store: &Store, run: &Run, node: &RunNode) -> Result<Option<String>, ReportError> {
+    let lineage = Lineage::new(run);
+    let cache = Cache::of(store);
+    let source = Source { store, cache: &cache, lineage: &lineage };
+    // What was learned or scored has maps among its inputs, but lies on none of them.
+    let lies = node.kind == "OccupancyMap" || views::KINDS.contains(&node.kind.as_str());
+    let Some(map) = lineage.map_of(node).filter(|_| lies) else { return Ok(None) };
+    let mut on = Maps::of(&lineage).on(map).to_vec();
+    // Stable: all others stay in their order.
+    on.sort_by_key(|other| other.node != node.node);
+    let (scene, _) = views::scene(&source, map, &on)?;
+    Ok(Some(viewer::page(&scene, "`trodden show` draws the same in a terminal.")))
 }
 
 /// Names all that the results depend on.

@@ -7,6 +7,7 @@ use super::nodes;
 use crate::pipeline::event::Counts;
 use crate::report::amounts::seconds;
 use crate::report::bars::tally;
+use crate::report::viewer;
 use crate::store::{Outcome, Run, RunStatus};
 
 const STYLE: &str = include_str!("style.css");
@@ -43,6 +44,8 @@ pub fn page(lineage: &Lineage<'_>, lead: &Markup, results: &str) -> String {
                         pre { code { (run.source) } }
                     }
                 }
+                // Where there is nothing to look at there is nothing to look with.
+                @if results.contains("class=\"trodden-view\"") { (viewer::assets()) }
                 footer { "Written by trodden " (run.version) ". This page needs nothing but itself." }
             }
         }
