@@ -14,6 +14,7 @@ mod occupancy;
 pub mod parquet;
 mod path_trials;
 mod raster;
+mod recorded;
 mod scores;
 mod social;
 mod table;
@@ -30,6 +31,7 @@ pub use heat::{Heat, HeatClasses};
 pub use model::Model;
 pub use nav_episodes::{NavEpisodes, NavSample};
 pub use parquet::Outline;
+pub use recorded::recorded_rows;
 pub use table::{TableError, TableFile, data_frame, sql};
 pub use trajectories::{TrackReader, TrackWriter, chunk_files};
 
