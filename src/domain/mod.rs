@@ -22,3 +22,4 @@ pub mod social;
 pub mod tiles;
 pub mod tracks;
 pub mod unet;
+pub mod update;
