@@ -12,14 +12,17 @@ use super::{kind, read};
 use crate::domain::map::OccupancyMap;
 use crate::domain::recording::{self, Format, Found, Joined, RecordingConfig, RecordingError};
 use crate::domain::tracks::Tracks;
-use crate::kinds::{Placed, TrackWriter, recorded_rows};
+use crate::kinds::{Placed, TrackWriter, chunk_files, recorded_rows};
 use crate::pipeline::stage::{
-    Arity, Context, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Source, Stage, StageError, StageSpec,
+    Arity, Context, Division, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Source, Stage, StageError,
+    StageSpec,
 };
-use crate::store::{Store, open_regular, read_bounded};
+use crate::store::{Artifact, Store, open_regular, read_bounded};
 
 /// The most bytes of a recording.
 const MOST: u64 = 4 << 30;
+/// The most recordings.
+const MOST_FILES: usize = 10_000;
 /// The first bytes of what gzip has packed.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 
@@ -30,18 +33,30 @@ const COLUMNS: &str = "{ id: 1, time: 2, x: 3, y: 4 }";
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct Fields {
-    /// The recording: a table, or one of the formats of `format`, plain or gzipped; a relative path starts at the folder of the
-    /// pipeline file.
-    file: PathBuf,
+    /// The recording, or some that belong together, such as days: tables, or one of the formats of `format`, plain or gzipped;
+    /// a relative path starts at the folder of the pipeline file.
+    file: Files,
     #[serde(flatten)]
     recording: RecordingConfig,
 }
 
-/// One recording to import.
+/// Where recordings lie.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(untagged)]
+enum Files {
+    /// One of them.
+    One(PathBuf),
+    /// Some, each a part of its own: where one is added, only that is read.
+    Many(Vec<PathBuf>),
+}
+
+/// Recordings to import.
 #[derive(Debug, Clone)]
 pub struct ImportTracks {
-    /// Where it lies.
-    file: PathBuf,
+    /// Where they lie.
+    files: Vec<PathBuf>,
+    /// Whether each of them is a part of its own: then more may come.
+    is_list: bool,
     config: RecordingConfig,
 }
 
@@ -62,7 +77,32 @@ impl ImportTracks {
     fn parse(value: &Value, folder: &Path) -> Result<Arc<dyn Stage>, ParameterError> {
         let Fields { file, recording: config } = super::parse(value)?;
         config.check().map_err(|error| refused(&error, &config))?;
-        Ok(Arc::new(Self { file: folder.join(file), config }))
+        let (files, is_list) = match file {
+            Files::One(file) => (vec![folder.join(file)], false),
+            Files::Many(files) if (1..=MOST_FILES).contains(&files.len()) => {
+                (files.into_iter().map(|file| folder.join(file)).collect(), true)
+            }
+            Files::Many(files) => {
+                let message = format!("`file` has {} files, allowed are 1 to {MOST_FILES}", files.len());
+                return Err(super::refused("file", message));
+            }
+        };
+        Ok(Arc::new(Self { files, is_list, config }))
+    }
+
+    /// Names a file in recipes.
+    fn role(&self, number: usize) -> String {
+        if self.is_list { format!("tracks-{number:02}") } else { "tracks".to_owned() }
+    }
+
+    /// Returns the file that a part reads, and its number.
+    fn file(&self, part: Part) -> Option<(u32, &Path)> {
+        let number = match part {
+            Part::Whole => 0,
+            Part::Chunk(number) => number,
+            _ => return None,
+        };
+        Some((number, &self.files[number as usize]))
     }
 }
 
@@ -70,11 +110,7 @@ impl ImportTracks {
 ///
 /// # Errors
 /// [`StageError`] names the file, and what of it cannot be read.
-pub fn tracks(
-    file: &Path,
-    map: &OccupancyMap,
-    config: &RecordingConfig,
-) -> Result<(Joined, Vec<String>), StageError> {
+pub fn tracks(file: &Path, map: &OccupancyMap, config: &RecordingConfig) -> Result<(Joined, Vec<String>), StageError> {
     let Found { sightings, remarks } = sightings(file, config)?;
     Ok((recording::join(sightings, map, config).map_err(|error| failed(file, error))?, remarks))
 }
@@ -82,7 +118,8 @@ pub fn tracks(
 fn sightings(file: &Path, config: &RecordingConfig) -> Result<Found, StageError> {
     let unread = |source| StageError::Source { path: file.to_owned(), source };
     let bytes = read_bounded(file, MOST).map_err(unread)?;
-    let bytes = if bytes.starts_with(&GZIP) { unpacked(&bytes[..]).map_err(unread)? } else { bytes };
+    let bytes =
+        if bytes.starts_with(&GZIP) { unpacked(&bytes).map_err(|source| packed(file, &source))? } else { bytes };
     let read = || match (recording::format_of(&bytes, config)?, &config.columns) {
         (Format::Parquet, Some(columns)) => recording::sightings_of(&recorded_rows(bytes.clone(), columns)?, config),
         (format, _) => recording::sightings(&bytes, format, config),
@@ -98,7 +135,9 @@ fn sightings(file: &Path, config: &RecordingConfig) -> Result<Found, StageError>
 pub fn check(file: &Path, config: &RecordingConfig) -> Result<(), StageError> {
     const HEAD: u64 = 1 << 16;
     let mut head = Vec::new();
-    let Ok(file_head) = open_regular(file).and_then(|file| file.take(HEAD).read_to_end(&mut head)) else { return Ok(()) };
+    let Ok(file_head) = open_regular(file).and_then(|file| file.take(HEAD).read_to_end(&mut head)) else {
+        return Ok(());
+    };
     if file_head == 0 {
         return Err(failed(file, RecordingError::Empty));
     }
@@ -109,6 +148,11 @@ pub fn check(file: &Path, config: &RecordingConfig) -> Result<(), StageError> {
         head = plain;
     }
     recording::format_of(&head, config).map(drop).map_err(|error| failed(file, error))
+}
+
+fn packed(file: &Path, source: &std::io::Error) -> StageError {
+    let message = format!("{}: gzip cannot unpack it: {source}", file.display());
+    StageError::Failed { message, help: Some("check that the file is whole".to_owned()), source: None }
 }
 
 fn failed(file: &Path, error: RecordingError) -> StageError {
@@ -150,7 +194,9 @@ pub fn help(error: &RecordingError) -> Option<String> {
         RecordingError::OtherFormat { .. } => "leave `format` out, or correct it",
         RecordingError::Format { .. } => "check that the file is whole, and its `format`",
         RecordingError::NoText => "name its `format`; of tables, text and Parquet are read",
-        RecordingError::Topic(_) => "name one of them with `topic`: people_msgs/People and geometry_msgs/PoseArray are read",
+        RecordingError::Topic(_) => {
+            "name one of them with `topic`: people_msgs/People and geometry_msgs/PoseArray are read"
+        }
         RecordingError::OtherFrame { .. } => {
             "name the frame with `frame_id`, and say with `transform` how it lies in that of the map"
         }
@@ -188,21 +234,51 @@ impl Stage for ImportTracks {
         super::to_json(&self.config)
     }
 
+    fn part_parameters(&self, part: Part) -> Value {
+        if part == Part::Gather { json!({}) } else { self.parameters() }
+    }
+
+    fn division(&self) -> Division {
+        let count = u32::try_from(self.files.len()).expect("as many as were checked");
+        if self.is_list { Division::Chunks(count) } else { Division::Whole }
+    }
+
+    fn part_ports(&self, part: Part) -> Option<&'static [&'static str]> {
+        (part == Part::Gather).then_some(&[])
+    }
+
+    fn part_sources(&self, part: Part) -> Option<Vec<String>> {
+        match part {
+            Part::Chunk(number) => Some(vec![self.role(number as usize)]),
+            Part::Gather => Some(Vec::new()),
+            _ => None,
+        }
+    }
+
     fn sources(&self) -> Result<Vec<Source>, StageError> {
-        check(&self.file, &self.config)?;
-        Ok(vec![Source { role: "tracks".to_owned(), path: self.file.clone() }])
+        let source = |(number, file): (usize, &PathBuf)| {
+            check(file, &self.config)?;
+            Ok(Source { role: self.role(number), path: file.clone() })
+        };
+        self.files.iter().enumerate().map(source).collect()
     }
 
-    fn needs(&self, _: Part, _: &Inputs, _: &Store) -> Needs {
-        // The text, its cells, sightings and samples.
-        let bytes = std::fs::metadata(&self.file).map_or(0, |metadata| metadata.len());
-        super::memory(bytes.saturating_mul(16))
+    fn needs(&self, part: Part, _: &Inputs, _: &Store) -> Needs {
+        // What the file holds as it lies there and unpacked, its sightings and samples.
+        let bytes = |file: &Path| std::fs::metadata(file).map_or(0, |metadata| metadata.len());
+        super::memory(self.file(part).map_or(0, |(_, file)| bytes(file).saturating_mul(16)))
     }
 
-    fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+    fn run(&self, part: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
+        let Some((episode, file)) = self.file(part) else {
+            let chunks: Vec<Artifact> = inputs.parts.iter().map(|(_, artifact)| artifact.clone()).collect();
+            return Ok(Output::Bundle(chunk_files(&chunks).map_err(super::kind_failed)?));
+        };
         let (map, _): (OccupancyMap, _) = read(context, inputs.one("map"))?;
-        let (joined, _) = tracks(&self.file, &map, &self.config)?;
-        let Joined { tracks, people, sightings, off_map, breaks } = joined;
+        let (joined, _) = tracks(file, &map, &self.config)?;
+        let Joined { mut tracks, people, sightings, off_map, breaks } = joined;
+        // People of one recording are not those of another, whatever their numbers.
+        tracks.samples.iter_mut().for_each(|sample| sample.episode = episode);
         if off_map > 0 {
             (context.warn)(format!("{off_map} of {sightings} positions lie in walls or off the map"));
         }

@@ -11,9 +11,9 @@ use trodden::domain::geometry::{Frame, Grid, Point};
 use trodden::domain::map::OccupancyMap;
 use trodden::domain::raster::{Count, Sweep, rasterize};
 use trodden::domain::recording::{self, Joined, RecordingConfig};
-use trodden::kinds::recorded_rows;
 use trodden::domain::score::{auc, spearman};
 use trodden::domain::tracks::Sample;
+use trodden::kinds::recorded_rows;
 
 use crate::maps::import;
 use crate::needs::Need;

@@ -141,7 +141,8 @@ fn messages() -> Vec<u8> {
         }
         record(5, &[&1u16.to_le_bytes(), &[0; 20], &data])
     };
-    let schema = record(3, &[&1u16.to_le_bytes(), &named("geometry_msgs/msg/PoseArray"), &named("ros2msg"), &named("")]);
+    let schema =
+        record(3, &[&1u16.to_le_bytes(), &named("geometry_msgs/msg/PoseArray"), &named("ros2msg"), &named("")]);
     let channel = record(4, &[&[1, 0, 1, 0], &named("/people"), &named("cdr"), &[0; 4]]);
     [schema, channel, message(1), message(2)].concat()
 }

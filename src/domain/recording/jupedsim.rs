@@ -113,7 +113,10 @@ mod tests {
     #[test]
     fn what_is_missing_is_named() {
         let refused = |statements: &str| read(statements, &RecordingConfig::default()).expect_err("refused");
-        assert_eq!(refused("CREATE TABLE other (a)"), "this is no sound recording of jupedsim: there is no table `trajectory_data`");
+        assert_eq!(
+            refused("CREATE TABLE other (a)"),
+            "this is no sound recording of jupedsim: there is no table `trajectory_data`"
+        );
         assert_eq!(refused(TABLES), "this is no sound recording of jupedsim: its metadata have no `fps`");
         let view = "CREATE TABLE metadata(key, value); CREATE VIEW trajectory_data AS SELECT 1;";
         assert_eq!(refused(view), "this is no sound recording of jupedsim: there is no table `trajectory_data`");

@@ -68,7 +68,9 @@ pub(super) fn sightings(bytes: &[u8], config: &RecordingConfig) -> Result<Found,
         (0, Some(topic), _) => {
             return Err(RecordingError::Topic(format!("no people or poses are on `{topic}`; topics are {}", listed())));
         }
-        (0, None, _) => return Err(RecordingError::Topic(format!("no topic has people or poses; topics are {}", listed()))),
+        (0, None, _) => {
+            return Err(RecordingError::Topic(format!("no topic has people or poses; topics are {}", listed())));
+        }
         _ => {
             return Err(RecordingError::Topic(format!("people or poses are on more than one topic: {}", listed())));
         }
@@ -116,7 +118,9 @@ impl Reading<'_> {
                 DATA_END if !in_chunk => return Ok(true),
                 _ => Ok(()),
             };
-            read.map_err(|what| if what.contains("at byte") { what } else { format!("the record at byte {at}: {what}") })?;
+            read.map_err(
+                |what| if what.contains("at byte") { what } else { format!("the record at byte {at}: {what}") },
+            )?;
         }
         Ok(false)
     }
@@ -137,7 +141,8 @@ impl Reading<'_> {
         let asked = self.topic.is_none_or(|asked| asked == topic);
         if let (true, Some(kind)) = (asked, Type::of(&schema)) {
             let known = Encoding::of(&encoding);
-            let encoding = known.ok_or_else(|| format!("`{topic}` is in the encoding `{encoding}`, not cdr or ros1"))?;
+            let encoding =
+                known.ok_or_else(|| format!("`{topic}` is in the encoding `{encoding}`, not cdr or ros1"))?;
             self.channels.insert(id, Channel { topic, kind, encoding });
         }
         Ok(())

@@ -23,7 +23,8 @@ pub fn format_of(bytes: &[u8], config: &RecordingConfig) -> Result<Format, Recor
         (None, Some(found)) => found,
         (None, None) => Format::Table,
     };
-    if !matches!(format, Format::Jupedsim | Format::Parquet | Format::Mcap) && bytes.iter().take(4096).any(|b| *b == 0) {
+    if !matches!(format, Format::Jupedsim | Format::Parquet | Format::Mcap) && bytes.iter().take(4096).any(|b| *b == 0)
+    {
         return Err(RecordingError::NoText);
     }
     config.check_format(format).map_err(|error| match error {
@@ -155,6 +156,9 @@ mod tests {
         let found: Vec<_> = found.iter().map(|s| (s.person, s.time, s.position.x, s.position.y)).collect();
         assert_eq!(found, [(4, 1.0, 1.0, -0.5), (-1, 2.0, 2.0, 0.0)]);
         let broken = Rows { x: vec![1.0, f64::NAN], ..rows };
-        assert_eq!(sightings_of(&broken, &config).expect_err("no number").to_string(), "row 2 has no number in the place of x");
+        assert_eq!(
+            sightings_of(&broken, &config).expect_err("no number").to_string(),
+            "row 2 has no number in the place of x"
+        );
     }
 }

@@ -111,7 +111,8 @@ mod tests {
 
     #[test]
     fn predictions_are_no_people() {
-        let predicted = "{\"track\": {\"f\": 120, \"p\": 4, \"x\": 9, \"y\": 9, \"prediction_number\": 0, \"scene_id\": 0}}\n";
+        let predicted =
+            "{\"track\": {\"f\": 120, \"p\": 4, \"x\": 9, \"y\": 9, \"prediction_number\": 0, \"scene_id\": 0}}\n";
         let config = RecordingConfig::default();
         let found = sightings(&format!("{SCENE}{TRACKS}{predicted}"), &config).expect("tracks");
         assert_eq!(found.sightings.len(), 2);

@@ -80,9 +80,6 @@ mod tests {
         // As older versions wrote it: a place at a time, which `columns` reads.
         let old = sightings("timeStep pedestrianId x y targetId\n1 1 2 3 4\n", &RecordingConfig::default());
         let message = old.expect_err("no steps").to_string();
-        assert_eq!(
-            message,
-            "there is no column `simTime`; there are `timeStep`, `pedestrianId`, `x`, `y`, `targetId`"
-        );
+        assert_eq!(message, "there is no column `simTime`; there are `timeStep`, `pedestrianId`, `x`, `y`, `targetId`");
     }
 }

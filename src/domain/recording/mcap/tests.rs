@@ -141,9 +141,11 @@ fn chunks_are_unpacked() {
     assert!(refused(&other).ends_with("a chunk is damaged: its checksum is another one"), "{}", refused(&other));
     other.truncate(other.len() / 2);
     assert!(refused(&other).contains("a chunk does not unpack"), "{}", refused(&other));
-    assert!(read(&file(&[chunk("xz", &records, &records)]), &RecordingConfig::default())
-        .expect_err("unknown")
-        .ends_with("a chunk is packed by `xz`, not zstd or lz4"));
+    assert!(
+        read(&file(&[chunk("xz", &records, &records)]), &RecordingConfig::default())
+            .expect_err("unknown")
+            .ends_with("a chunk is packed by `xz`, not zstd or lz4")
+    );
 }
 
 #[test]
