@@ -11,6 +11,7 @@ mod runs;
 mod shows;
 mod stores;
 mod streams;
+mod tracks;
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
