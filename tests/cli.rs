@@ -12,6 +12,7 @@ mod runs;
 mod shows;
 mod stores;
 mod streams;
+mod tracks;
 
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};

@@ -14,6 +14,7 @@
 mod images;
 pub mod memory;
 mod mutate;
+mod recordings;
 mod tables;
 mod texts;
 
@@ -65,7 +66,7 @@ impl Target {
 
     fn named(name: &str) -> Self {
         let found = texts::target(name).or_else(|| images::target(name)).or_else(|| tables::target(name));
-        let found = found.or_else(|| broken(name));
+        let found = found.or_else(|| recordings::target(name)).or_else(|| broken(name));
         found.unwrap_or_else(|| panic!("there is no target `{name}`"))
     }
 
@@ -248,6 +249,12 @@ targets! {
     dxf "dxf",
     svg "svg",
     geojson "geojson",
+    tracks_table "tracks-table",
+    tracks_vadere "tracks-vadere",
+    tracks_trajnet "tracks-trajnet",
+    tracks_jupedsim "tracks-jupedsim",
+    tracks_mcap "tracks-mcap",
+    tracks_parquet "tracks-parquet",
     pgm "pgm",
     png "png",
     jpeg "jpeg",

@@ -11,6 +11,7 @@ use super::look::{self, VIEW};
 use super::model_files;
 use super::out_folder::OutFolder;
 use super::screen::Screen;
+use super::track_args::TrackArgs;
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
 use crate::domain::map::{Imported, OccupancyMap};
 use crate::kinds::{Checkpoint, Heat, Model, Placed, SingleFile};
@@ -42,6 +43,7 @@ Examples:
   trodden annotate plan.png --image-resolution 0.05 --out annotated
   trodden annotate plan.png --scale 120,80:620,80=12.5m --out annotated
   trodden annotate clinic.building.yaml --level L1 --out annotated
+  trodden annotate my_map.yaml --tracks monday.csv tuesday.csv --columns id=2,time=1,x=3,y=4 --tracks-unit m --out annotated
   trodden annotate Rs_int --floor 0 --region all --model artifacts/latest/quickstart/model --out annotated"
 )]
 pub struct Args {
@@ -77,6 +79,8 @@ pub struct Args {
     crowd: CrowdArgs,
     #[command(flatten)]
     import: ImportArgs,
+    #[command(flatten)]
+    tracks: Box<TrackArgs>,
 }
 
 /// Who tells where people walk.
@@ -98,9 +102,11 @@ impl Args {
         self.check_options()?;
         let (mut config, walks) = (self.config()?, self.crowd.walks()?);
         let import = self.import.importer(&self.map)?;
+        let recording = self.tracks.config()?;
         let names: &[&str] =
             if self.by == By::Both { &[HEAT, SIMULATED, MAP, PICTURE, VIEW] } else { &[HEAT, MAP, PICTURE, VIEW] };
         let mut inputs: Vec<PathBuf> = import.sources()?.into_iter().map(|source| source.path).collect();
+        inputs.extend_from_slice(self.tracks.files());
         inputs.extend(self.model.iter().flat_map(|model| Checkpoint::FILES.map(|name| model.join(name))));
         self.out.check(names, &inputs)?;
         let model = self.model.as_deref().map_or_else(|| Ok(Model::shipped()), model_files::read)?;
@@ -111,8 +117,9 @@ impl Args {
         screen.remark(said(&imported));
         let Imported { map, .. } = imported;
         let place = |heat| Placed::new(*map.frame(), heat);
-        let simulated = || Ok::<_, CliError>(place(crowd_args::simulate(&map, &walks, screen)?));
-        let predicted = || Ok::<_, CliError>(place(predict(&map, &model, &config, screen)?));
+        let updated = |heat| Ok::<_, CliError>(place(self.tracks.update(&map, heat, &recording, screen)?));
+        let simulated = || updated(crowd_args::simulate(&map, &walks, screen)?);
+        let predicted = || updated(predict(&map, &model, &config, screen)?);
         let figure = |picture: &Picture, title: &str| png::figure(picture, Scale::Linear, title);
         let (heat, besides, picture) = match self.by {
             By::Model | By::Simulation => {
@@ -158,7 +165,9 @@ impl Args {
                 let given = of_model.into_iter().find_map(|(given, name)| given.then_some(name));
                 (given, "simulation", "write `--by model` or `--by both`")
             }
-            By::Both => return Ok(()),
+            By::Both => {
+                (self.tracks.files().first().map(|_| "--tracks"), "both", "write `--by model` or `--by simulation`")
+            }
         };
         let refuse = |option| Err(CliError::advised(format!("`{option}` does not fit `--by {by}`"), help));
         unfit.map_or(Ok(()), refuse)

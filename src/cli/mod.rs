@@ -33,6 +33,7 @@ mod signals;
 mod simulate;
 mod sql;
 mod status;
+mod track_args;
 mod verify;
 mod why;
 

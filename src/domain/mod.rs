@@ -23,3 +23,4 @@ pub mod social;
 pub mod tiles;
 pub mod tracks;
 pub mod unet;
+pub mod update;

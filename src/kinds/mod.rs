@@ -15,6 +15,7 @@ mod occupancy;
 pub mod parquet;
 mod path_trials;
 mod raster;
+mod recorded;
 mod scores;
 mod social;
 mod table;
@@ -32,6 +33,7 @@ pub use heat::{Heat, HeatClasses};
 pub use model::Model;
 pub use nav_episodes::{NavEpisodes, NavSample};
 pub use parquet::{AnyTable, Outline};
+pub use recorded::recorded_rows;
 pub use table::{TableError, TableFile, data_frame, sql};
 pub use trajectories::{TrackReader, TrackWriter, chunk_files};
 

@@ -404,7 +404,12 @@ impl<'a> Ledger<'a> {
                 }
             }
         }
-        for (role, (_, digest)) in &*self.sources[of.node] {
+        let roles = match of.work {
+            Work::Part(part) => node.stage.part_sources(part),
+            Work::Close => None,
+        };
+        let reads = |role: &String| roles.as_ref().is_none_or(|roles| roles.contains(role));
+        for (role, (_, digest)) in self.sources[of.node].iter().filter(|(role, _)| reads(role)) {
             inputs.insert(format!("source:{role}"), InputDigest::One(*digest));
         }
         let (part, parameters) = match of.work {

@@ -156,6 +156,12 @@ pub trait Stage: Send + Sync + std::fmt::Debug {
         Ok(Vec::new())
     }
 
+    /// Returns the roles of the source files that a part reads, if not all: what it does not read does not enter its recipe.
+    fn part_sources(&self, part: Part) -> Option<Vec<String>> {
+        let _ = part;
+        None
+    }
+
     /// Returns what else changes the bytes, such as device and instruction set, by name.
     fn environment(&self) -> BTreeMap<String, String> {
         BTreeMap::new()

@@ -29,8 +29,10 @@ pub mod rasterize;
 pub mod score;
 pub mod simulate;
 pub mod tile;
+pub mod track_heat;
 pub mod train;
 pub mod uniform;
+pub mod update;
 pub mod wall_distance;
 
 use crate::pipeline::stage::Register;
@@ -50,6 +52,7 @@ pub const REGISTER: Register = Register {
         train::Train::ENTRY,
         annotate::Annotate::ENTRY,
         rank::Rank::ENTRY,
+        update::Update::ENTRY,
         wall_distance::WallDistance::ENTRY,
         betweenness::Betweenness::ENTRY,
         criticality::Criticality::ENTRY,

@@ -3,7 +3,7 @@
 use super::{Place, check};
 
 /// The YAML of a ROS map with an image, with one line replaced.
-fn ros(image: &str, from: &str, to: &str) -> String {
+pub(super) fn ros(image: &str, from: &str, to: &str) -> String {
     format!(
         "image: {image}\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n"
     )
@@ -139,7 +139,7 @@ fn refusals(place: &Place, requests: &[&[&str]]) -> String {
 }
 
 /// A binary PGM of a white room of so many cells in a black wall, beside a smaller one.
-fn room(size: usize) -> Vec<u8> {
+pub(super) fn room(size: usize) -> Vec<u8> {
     let cols = size + 2 + size / 4 + 1;
     let white = |row, col| (1..=size).contains(&row) && col != size + 1 && (1..cols - 1).contains(&col);
     let mut bytes = format!("P5 {cols} {} 255\n", size + 2).into_bytes();

@@ -13,6 +13,7 @@ use trodden::domain::raster::{Count, Sweep, rasterize};
 use trodden::domain::recording::{self, Joined, RecordingConfig};
 use trodden::domain::score::{auc, spearman};
 use trodden::domain::tracks::Sample;
+use trodden::kinds::recorded_rows;
 
 use crate::maps::import;
 use crate::needs::Need;
@@ -85,11 +86,16 @@ fn a_comfortable_crowd_is_nearer_to_people_than_the_shortest_ways() {
 }
 
 /// Reads a recording as `import-tracks` does.
-fn imported(map: &OccupancyMap, text: &str, header: bool, config: serde_json::Value) -> Joined {
+fn imported(map: &OccupancyMap, bytes: &[u8], config: serde_json::Value) -> Joined {
     let config: RecordingConfig = serde_json::from_value(config).expect("a configuration");
     config.check().expect("in range");
-    let sightings = recording::sightings(&recording::read(text, header), &config).expect("sightings");
-    recording::join(sightings, map, &config).expect("tracks")
+    let found = match (recording::format_of(bytes, &config).expect("a format"), &config.columns) {
+        (recording::Format::Parquet, Some(columns)) => {
+            recording::sightings_of(&recorded_rows(bytes.to_vec(), columns).expect("rows"), &config)
+        }
+        (format, _) => recording::sightings(bytes, format, &config),
+    };
+    recording::join(found.expect("sightings").sightings, map, &config).expect("tracks")
 }
 
 /// Joined at ten samples a second, in legs of its own, the recording says the same of the distance to the wall as its notes.
@@ -99,7 +105,7 @@ fn an_imported_recording_is_the_recording() {
     let map = import(&tracks.join("thor1/map.yaml"), 0.1);
     let text = std::fs::read_to_string(tracks.join("thor1/tracks.csv")).expect("the tracks are readable");
     let columns = serde_json::json!({ "time": 1, "id": 2, "x": 3, "y": 4 });
-    let joined = imported(&map, &text, false, serde_json::json!({ "columns": columns, "unit": "m" }));
+    let joined = imported(&map, text.as_bytes(), serde_json::json!({ "columns": columns, "unit": "m" }));
     let ids: std::collections::BTreeSet<&str> = text.lines().filter_map(|line| line.split(',').nth(1)).collect();
     assert_eq!((joined.people, joined.sightings), (ids.len(), text.lines().count()));
     let people = visits(&map, &joined.tracks.samples, 1);
@@ -108,46 +114,53 @@ fn an_imported_recording_is_the_recording() {
     assert!((rho - 0.683).abs() < 0.01 && (area - 0.903).abs() < 0.01, "{rho} {area}");
 }
 
-/// People and positions are those that the files hold, counted line by line; so are the bounds of the places.
+/// What there is in the golden files by another reader: pandas for the texts, `sqlite3` of Python for JuPedSim; Vadere has 493
+/// steps, two sightings each, of which all but the first of a person begin where one ends.
 #[test]
 fn recordings_of_others_are_read() {
     let Some(tracks) = Need::Tracks.folder() else { return };
     let frame = Frame { origin: Point::new(-30.0, -30.0), ..Frame::at_zero(0.5, 240, 240) };
     let map = OccupancyMap::new(Grid::filled(240, 240, true), frame).expect("free cells");
-    let check = |name: &str, unit: f64, places: [usize; 3], config: serde_json::Value| {
+    // People and sightings, then bounds: seconds from the first one to the last, x, y.
+    let check = |name: &str, config: serde_json::Value, counts: [usize; 2], bounds: [[f64; 2]; 3]| {
         let bytes = std::fs::read(tracks.join("formats").join(name)).expect("a recording");
-        let text = if name.ends_with(".gz") { unpacked(&bytes) } else { String::from_utf8(bytes).expect("is text") };
-        let header = config["columns"]["id"].is_string();
-        let cells = |line: &str| -> Vec<String> {
-            let parts = line.split([',', ' ']);
-            parts.map(|cell| cell.trim_matches('"').to_owned()).collect()
+        let bytes = if name.ends_with(".gz") { unpacked(&bytes) } else { bytes };
+        let joined = imported(&map, &bytes, config);
+        assert_eq!([joined.people, joined.sightings], counts, "{name}");
+        let samples = &joined.tracks.samples;
+        let range = |of: &dyn Fn(&Sample) -> f64| {
+            samples.iter().map(of).fold([f64::MAX, f64::MIN], |[least, most], v| [least.min(v), most.max(v)])
         };
-        let [id, x, y] = places;
-        let rows = text.lines().map(cells).filter(|row| row.get(x).is_some_and(|x| x.parse::<f64>().is_ok()));
-        let rows: Vec<Vec<String>> = rows.collect();
-        let people: std::collections::BTreeSet<&String> = rows.iter().map(|row| &row[id]).collect();
-        let joined = imported(&map, &text, header, config);
-        assert_eq!((joined.people, joined.sightings), (people.len(), rows.len()), "{name}");
-        for (place, of) in [(x, (|p: Point| p.x) as fn(Point) -> f64), (y, |p: Point| p.y)] {
-            let most =
-                rows.iter().map(|row| row[place].parse::<f64>().expect("a number") * unit).fold(f64::MIN, f64::max);
-            let found =
-                joined.tracks.samples.iter().map(|s| of(map.frame().to_map(s.position))).fold(f64::MIN, f64::max);
+        let [start, end] = range(&|sample| sample.frame as f64 / joined.tracks.frame_rate);
+        let [time, x, y] = bounds;
+        assert!(start == 0.0 && (end - (time[1] - time[0])).abs() < 0.1 + 1e-9, "{name}: {end}");
+        for (found, [least, most]) in [
+            (range(&|sample| map.frame().to_map(sample.position).x), x),
+            (range(&|sample| map.frame().to_map(sample.position).y), y),
+        ] {
             // Samples lie between sightings, or on them.
-            assert!(found <= most + 1e-9 && found > most - 0.3, "{name}: {found} {most}");
+            let within = |found: f64, bound: f64| (found - bound).abs() < 0.3;
+            assert!(found[0] > least - 1e-9 && found[1] < most + 1e-9, "{name}: {found:?}");
+            assert!(within(found[0], least) && within(found[1], most), "{name}: {found:?}");
         }
     };
-    let json = |columns: serde_json::Value, unit: &str, rate: Option<f64>| serde_json::json!({ "columns": columns, "unit": unit, "frame_rate": rate });
-    let numbers = serde_json::json!({ "id": 1, "frame": 2, "x": 3, "y": 4 });
-    check("juelich.txt", 0.01, [0, 2, 3], json(numbers, "cm", Some(16.0)));
-    let names = serde_json::json!({ "id": "id", "time": "t", "x": "x", "y": "y" });
-    check("pathfinder.csv", 1.0, [1, 4, 5], json(names, "m", None));
-    let names = serde_json::json!({ "id": "pedID", "time": "time", "x": "posX", "y": "posY" });
-    check("crowdit.csv.gz", 1.0, [1, 2, 3], json(names, "m", None));
+    let json = |text: &str| serde_json::from_str::<serde_json::Value>(text).expect("JSON");
+    let juelich = [[2.6875, 63.5625], [0.0047, 2.1042], [-6.1666, 7.9698]];
+    let numbers = r#"{"columns": {"id": 1, "frame": 2, "x": 3, "y": 4}, "unit": "cm", "frame_rate": 16}"#;
+    check("juelich.txt", json(numbers), [61, 9712], juelich);
+    check("juelich.txt", json(r#"{"format": "juelich", "unit": "cm", "frame_rate": 16}"#), [61, 9712], juelich);
+    let pathfinder = [[0.0, 19.0], [-11.1047, 13.6653], [-4.77, 4.7655]];
+    check("pathfinder.csv", json(r#"{"format": "pathfinder"}"#), [150, 2998], pathfinder);
+    let crowdit = [[0.0, 34.0], [29.8, 58.06], [10.09, 40.77]];
+    check("crowdit.csv.gz", json(r#"{"format": "crowdit"}"#), [20, 791], crowdit);
+    let names = r#"{"columns": {"id": "pedID", "time": "time", "x": "posX", "y": "posY"}, "unit": "m"}"#;
+    check("crowdit.csv.gz", json(names), [20, 791], crowdit);
+    check("jupedsim.sqlite", json("{}"), [30, 8083], [[0.0, 19.6], [-7.3788, 7.6101], [1.7949, 8.9293]]);
+    check("vadere.traj", json("{}"), [20, 2 * 493 - 473], [[0.4, 25.2660], [1.1626, 6.7947], [1.1061, 8.7977]]);
 }
 
 /// Unpacks gzip by the system's own tool.
-fn unpacked(bytes: &[u8]) -> String {
+fn unpacked(bytes: &[u8]) -> Vec<u8> {
     use std::io::Write;
     let mut child = std::process::Command::new("gzip")
         .arg("-dc")
@@ -160,5 +173,5 @@ fn unpacked(bytes: &[u8]) -> String {
     let writer = std::thread::spawn(move || input.write_all(&bytes));
     let output = child.wait_with_output().expect("gzip ends");
     writer.join().expect("no panic").expect("gzip reads");
-    String::from_utf8(output.stdout).expect("is text")
+    output.stdout
 }

@@ -70,7 +70,7 @@ fn walks() -> Vec<u8> {
 }
 
 /// Changes a Parquet file: what it says, written by another hand, or its bytes where they lie.
-fn parquet_file(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
+pub(super) fn parquet_file(dice: &mut Dice, seeds: &[Vec<u8>]) -> Vec<u8> {
     let mut input = dice.of(seeds).clone();
     if dice.one_in(2) {
         input = forged(dice, &input);

@@ -275,6 +275,9 @@ fn output_changes_only_with_a_version() {
     bench.check("cost", json!({}), Part::Whole, &[("trips", &trips), ("heat", &heat)]);
     bench.check("rank", json!({}), Part::Whole, &[("map", &map), ("visits", &visits), ("steps", &visits)]);
     let walls = bench.put(&ranks());
+    let flowing = bench.put(&passages());
+    let seen = [("map", &map), ("heat", &walls), ("visits", &flowing), ("steps", &visits)];
+    bench.check("update", json!({}), Part::Whole, &seen);
     bench.check("score", json!({}), Part::Whole, &[("heat", &walls), ("visits", &visits)]);
     bench.check("hide-rooms", json!({}), Part::Whole, &[("map", &map)]);
     let watched = bench.put(&watched());
@@ -316,6 +319,7 @@ fn output_changes_only_with_a_version() {
         "navigate 2 cba8cb0dc2ac3973",
         "cost 3 3f6ba027cfb18f33",
         "rank 2 496a82b1dfef1e6f",
+        "update 1 cd1d1f44e22efed8",
         "score 4 39e31244e33d7dd7",
         "hide-rooms 1 94589ef9151cbc9e",
         "tile 3 576270f41cd65f86",

@@ -39,9 +39,15 @@ pub fn join(
     let off_map = off_map(&sightings, map, config)?;
     let times = |least: f64, of: fn(f64, f64) -> f64| sightings.iter().map(|sighting| sighting.time).fold(least, of);
     let (start, end) = (times(f64::INFINITY, f64::min), times(f64::NEG_INFINITY, f64::max));
-    let [from, to] = config.span.map(|share| start + share * (end - start));
+    let [from, to] = match config.span_s {
+        Some(span) => span.map(|seconds| start + seconds),
+        None => config.span.map(|share| start + share * (end - start)),
+    };
     // What happens just then belongs to the part that begins.
-    sightings.retain(|sighting| (from..to).contains(&sighting.time) || (to >= end && sighting.time == end));
+    sightings.retain(|sighting| sighting.time >= from && (sighting.time < to || (to >= end && sighting.time == end)));
+    if sightings.is_empty() {
+        return Err(RecordingError::EmptySpan { from: from - start, to: to - start, length: end - start });
+    }
     sightings.sort_by(|a, b| a.person.cmp(&b.person).then(a.time.total_cmp(&b.time)));
     sightings.dedup();
     let first = sightings.iter().map(|sighting| sighting.time).fold(f64::INFINITY, f64::min);
@@ -236,6 +242,14 @@ mod tests {
         };
         assert_eq!(part([0.0, 0.5]), (2, vec![0.0, 0.5, 1.0]));
         assert_eq!(part([0.5, 1.0]), (3, vec![2.0, 2.5, 3.0, 3.5, 4.0]));
+        let seconds = |span_s| {
+            let config = RecordingConfig { span_s: Some(span_s), ..config() };
+            join(sightings.clone(), &floor(), &config).map(|found| found.sightings)
+        };
+        assert_eq!(seconds([0.0, 2.0]), Ok(2));
+        assert_eq!(seconds([2.0, 60.0]), Ok(3));
+        let late = seconds([4.5, 60.0]).expect_err("nobody").to_string();
+        assert_eq!(late, "nobody was seen from 4.5 to 60 s; the recording is 4 s long");
     }
 
     #[test]

@@ -1,47 +1,9 @@
-//! The text of others: comma, semicolon, tab or blanks between columns, with or without a header.
+//! Tables in text, with columns that are named, or known of their format.
 
-use super::{ColumnName, Columns, RecordingConfig, RecordingError, Sighting};
-use crate::domain::geometry::Point;
-
-/// A table of cells: the names of its columns, if there are some, and its rows with the numbers of their lines.
-#[derive(Debug, Clone, PartialEq, Default)]
-pub struct Cells {
-    /// Names of the columns; empty if there is no header.
-    pub names: Vec<String>,
-    /// Rows, each with the number of its line, from 1 on.
-    pub rows: Vec<(usize, Vec<String>)>,
-}
-
-/// Splits a text into cells. Lines that begin with `#` and empty ones are passed over; where `header` is set, the first of the
-/// others has the names.
-#[must_use]
-pub fn read(text: &str, header: bool) -> Cells {
-    let text = text.strip_prefix('\u{feff}').unwrap_or(text);
-    let lines = text.lines().enumerate().map(|(number, line)| (number + 1, line.trim()));
-    let mut lines = lines.filter(|(_, line)| !line.is_empty() && !line.starts_with('#')).peekable();
-    let Some((_, first)) = lines.peek() else { return Cells::default() };
-    let separator = [',', ';', '\t'].into_iter().find(|separator| first.contains(*separator));
-    let names =
-        if header { lines.next().map_or_else(Vec::new, |(_, line)| split(line, separator)) } else { Vec::new() };
-    Cells { names, rows: lines.map(|(number, line)| (number, split(line, separator))).collect() }
-}
-
-/// Splits a line at its separators, or at blanks; quotes around a cell fall away, and within them separators are letters.
-fn split(line: &str, separator: Option<char>) -> Vec<String> {
-    let Some(separator) = separator else {
-        return line.split_whitespace().map(|cell| cell.trim_matches('"').to_owned()).collect();
-    };
-    let mut cells = vec![String::new()];
-    let mut quoted = false;
-    for letter in line.chars() {
-        match letter {
-            '"' => quoted = !quoted,
-            letter if letter == separator && !quoted => cells.push(String::new()),
-            letter => cells.last_mut().expect("there is one").push(letter),
-        }
-    }
-    cells.iter().map(|cell| cell.trim().to_owned()).collect()
-}
+use super::collect::{Collector, Found};
+use super::preset::Said;
+use super::text::{lines, separator, split};
+use super::{ColumnName, Columns, Format, RecordingConfig, RecordingError, Unit};
 
 /// Places of the columns, from 0 on.
 struct Places {
@@ -52,79 +14,101 @@ struct Places {
 }
 
 impl Places {
-    fn find(columns: &Columns, names: &[String]) -> Result<Self, RecordingError> {
-        let place = |column: &ColumnName| match column {
-            ColumnName::Number(number) => Ok(usize::from(*number) - 1),
-            ColumnName::Name(name) => names.iter().position(|found| found == name).ok_or_else(|| {
-                let found: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
-                RecordingError::NoColumn { name: name.clone(), found: found.join(", ") }
-            }),
-        };
-        let clock = columns.time.as_ref().or(columns.frame.as_ref()).ok_or(RecordingError::Clock("no time"))?;
+    fn find(columns: &Columns, names: &[&str]) -> Result<Self, RecordingError> {
+        let clock = columns.clock().ok_or(RecordingError::Clock("no time"))?;
+        let place = |column: &ColumnName| column.place(names);
         Ok(Self { id: place(&columns.id)?, clock: place(clock)?, x: place(&columns.x)?, y: place(&columns.y)? })
     }
 }
 
-/// Reads the sightings of a table, in the frame of the map.
+/// A line of a table, cut into cells.
+struct Row<'a> {
+    line: usize,
+    cells: &'a [&'a str],
+}
+
+impl Row<'_> {
+    fn cell(&self, place: usize) -> Result<&str, RecordingError> {
+        let (line, found) = (self.line, self.cells.len());
+        self.cells.get(place).copied().ok_or(RecordingError::ShortLine { line, found, wanted: place + 1 })
+    }
+
+    fn number(&self, place: usize, what: &'static str) -> Result<f64, RecordingError> {
+        let text = self.cell(place)?;
+        let number = text.parse().ok().filter(|number: &f64| number.is_finite());
+        number.ok_or_else(|| RecordingError::NoNumber { line: self.line, text: text.to_owned(), what })
+    }
+}
+
+/// Reads the sightings of a table of a format.
 ///
 /// Lines before the first one that has numbers in the places of time and position are passed over, such as names and units.
 ///
 /// # Errors
 /// [`RecordingError`] names the column that is not there, or the line that cannot be read.
-pub fn sightings(cells: &Cells, config: &RecordingConfig) -> Result<Vec<Sighting>, RecordingError> {
-    let places = Places::find(&config.columns, &cells.names)?;
-    let second =
-        if config.columns.time.is_some() { 1.0 } else { config.frame_rate.ok_or(RecordingError::FrameRate)? };
-    let unit = config.unit.ok_or(RecordingError::NoUnit)?.meters();
-    let mut people = People::default();
-    let (mut found, mut passed_over): (Vec<Sighting>, Option<RecordingError>) = (Vec::new(), None);
-    for (line, row) in &cells.rows {
-        let number = |place: usize, what: &'static str| -> Result<f64, RecordingError> {
-            let (line, short) = (*line, row.len());
-            let text = row.get(place).ok_or(RecordingError::ShortLine { line, found: short, wanted: place + 1 })?;
-            let number = text.parse().ok().filter(|number: &f64| number.is_finite());
-            number.ok_or_else(|| RecordingError::NoNumber { line, text: text.clone(), what })
-        };
+pub(super) fn sightings(text: &str, format: Format, config: &RecordingConfig) -> Result<Found, RecordingError> {
+    let own = format.columns();
+    let Some(columns) = own.as_ref().or(config.columns.as_ref()) else {
+        let first = lines(text).next().map(|(_, line)| line.chars().take(60).collect());
+        return Err(RecordingError::NoColumns { line: first });
+    };
+    let has_names = columns.all().any(|column| matches!(column, ColumnName::Name(_)));
+    let mut lines = lines(text).peekable();
+    let separator = lines.peek().and_then(|(_, first)| separator(first));
+    let (mut names, mut cells) = (Vec::new(), Vec::new());
+    if has_names && let Some((_, header)) = lines.next() {
+        split(header, separator, &mut names);
+    }
+    let places = Places::find(columns, &names)?;
+    let mut said = match format {
+        Format::Juelich => comments(text),
+        format => format.said(),
+    };
+    said.frames = columns.time.is_none();
+    if format == Format::Pathfinder
+        && let Some((_, units)) = lines.peek()
+    {
+        split(units, separator, &mut cells);
+        said.unit = cells.get(places.x).and_then(|unit| unit.parse().ok());
+    }
+    let mut found = Collector::new(config, &said)?;
+    let mut passed_over: Option<RecordingError> = None;
+    for (line, text) in lines {
+        split(text, separator, &mut cells);
+        let row = Row { line, cells: &cells };
         let numbers = || -> Result<[f64; 3], RecordingError> {
-            Ok([number(places.clock, "a time")?, number(places.x, "x")?, number(places.y, "y")?])
+            Ok([row.number(places.clock, "a time")?, row.number(places.x, "x")?, row.number(places.y, "y")?])
         };
-        let [time, x, y] = match numbers() {
-            Ok(numbers) => numbers,
-            Err(error) if found.is_empty() => {
-                passed_over.get_or_insert(error);
-                continue;
+        match numbers() {
+            Ok([clock, x, y]) => {
+                let person = found.person(row.cell(places.id)?);
+                found.push(person, clock, [x, y]);
             }
+            Err(error) if found.len() == 0 => _ = passed_over.get_or_insert(error),
             Err(error) => return Err(error),
-        };
-        let Some(id) = row.get(places.id) else {
-            return Err(RecordingError::ShortLine { line: *line, found: row.len(), wanted: places.id + 1 });
-        };
-        let meters = Point::new(x * unit, y * unit);
-        let position = config.transform.as_ref().map_or(meters, |transform| transform.apply(meters));
-        found.push(Sighting { person: people.number(id), time: time / second, position });
-    }
-    if found.is_empty() {
-        // All lines were passed over: the first one tells why.
-        return Err(passed_over.unwrap_or(RecordingError::Empty));
-    }
-    Ok(found)
-}
-
-/// The numbers of people: their own if they have whole ones, else that of the first line in which a name appears, below zero.
-#[derive(Default)]
-struct People {
-    named: std::collections::BTreeMap<String, i64>,
-}
-
-impl People {
-    fn number(&mut self, name: &str) -> i64 {
-        let whole = |number: f64| (number.fract() == 0.0 && number.abs() < 1e15).then_some(number as i64);
-        if let Some(number) = name.parse().ok().or_else(|| name.parse().ok().and_then(whole)).filter(|id| *id >= 0) {
-            return number;
         }
-        let next = -1 - self.named.len() as i64;
-        *self.named.entry(name.to_owned()).or_insert(next)
     }
+    for fact in said.facts() {
+        found.remark(fact);
+    }
+    // Where all lines were passed over, the first one tells why.
+    found.finish().map_err(|empty| passed_over.unwrap_or(empty))
+}
+
+/// Reads what the comments of a text from Jülich say: `# framerate: 25 fps`, `# id frame x/cm y/cm z/cm`.
+fn comments(text: &str) -> Said {
+    let mut said = Format::Juelich.said();
+    let comments = text.lines().map_while(|line| line.trim_start_matches('\u{feff}').trim().strip_prefix('#'));
+    for comment in comments {
+        let comment = comment.to_lowercase();
+        if let Some((_, rate)) = comment.split_once("framerate") {
+            let mut numbers = rate.split([' ', ':', '=', '\t']).filter_map(|word| word.parse::<f64>().ok());
+            said.frame_rate = said.frame_rate.or_else(|| numbers.find(|rate| *rate > 0.0 && rate.is_finite()));
+        }
+        let units = comment.split_whitespace().filter_map(|word| word.strip_prefix("x/"));
+        said.unit = said.unit.or_else(|| units.filter_map(|unit| unit.parse::<Unit>().ok()).next());
+    }
+    said
 }
 
 #[cfg(test)]
@@ -139,13 +123,10 @@ mod tests {
         config
     }
 
-    fn named(columns: &Columns) -> bool {
-        matches!(columns.id, ColumnName::Name(_))
-    }
-
     fn found(text: &str, config: &RecordingConfig) -> Result<Vec<(i64, f64, f64, f64)>, String> {
-        let sightings = sightings(&read(text, named(&config.columns)), config).map_err(|error| error.to_string())?;
-        Ok(sightings.into_iter().map(|s| (s.person, s.time, s.position.x, s.position.y)).collect())
+        let format = config.format.unwrap_or(Format::Table);
+        let found = sightings(text, format, config).map_err(|error| error.to_string())?;
+        Ok(found.sightings.into_iter().map(|s| (s.person, s.time, s.position.x, s.position.y)).collect())
     }
 
     /// As Jülich's experiments have it: no header, id, frame, x and y in centimeters, 16 frames a second.
@@ -184,21 +165,46 @@ mod tests {
     }
 
     #[test]
-    fn clocks_and_ranges_are_checked() {
-        let check = |value: Value| -> String {
-            let config: RecordingConfig = serde_json::from_value(value).expect("a configuration");
-            config.check().expect_err("out of range").to_string()
+    fn a_text_from_juelich_may_tell_unit_and_frame_rate() {
+        let text = "# framerate: 25 fps\n# id frame x/cm y/cm\n3 50 100 200 0\n";
+        assert_eq!(found(text, &config(json!({ "format": "juelich" }))), Ok(vec![(3, 2.0, 1.0, 2.0)]));
+        let same = config(json!({ "format": "juelich", "unit": "cm", "frame_rate": 25.0 }));
+        assert_eq!(found(text, &same), Ok(vec![(3, 2.0, 1.0, 2.0)]));
+        let refused = |more: Value| {
+            let mut value = json!({ "format": "juelich" });
+            value.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
+            found(text, &config(value)).expect_err("contradicts")
         };
-        let columns = json!({ "id": 1, "frame": 2, "x": 3, "y": 4 });
-        let missing = check(json!({ "columns": columns, "unit": "m" }));
-        assert_eq!(missing, "`frame_rate` is missing: it says how many frames a second has");
-        let none = check(json!({ "columns": { "id": 1, "x": 3, "y": 4 }, "unit": "m" }));
-        assert_eq!(none, "`columns` names neither `time` nor `frame`: one is needed");
-        let unit = check(json!({ "columns": columns, "frame_rate": 25.0 }));
-        assert_eq!(unit, "`unit` is missing: it says what positions are counted in");
-        let zero = check(json!({ "columns": { "id": 0, "time": 2, "x": 3, "y": 4 }, "unit": "m" }));
-        assert_eq!(zero, "`columns` names column 0: the first is 1");
-        let rate = check(json!({ "columns": columns, "unit": "m", "frame_rate": 0.0 }));
-        assert_eq!(rate, "`frame_rate` is `0`, allowed is above 0 and up to 1000");
+        assert_eq!(refused(json!({ "unit": "m" })), "`unit` is `m`, but the recording says `cm`");
+        assert_eq!(refused(json!({ "frame_rate": 16.0 })), "`frame_rate` is `16`, but the recording says `25`");
+        let bare = found("3 50 100 200 0\n", &config(json!({ "format": "juelich", "unit": "m" })));
+        assert_eq!(bare.expect_err("no rate"), "`frame_rate` is missing: it says how many frames a second has");
+    }
+
+    #[test]
+    fn formats_know_their_columns() {
+        let read = |format: &str, more: Value, text: &str| {
+            let mut value = json!({ "format": format });
+            value.as_object_mut().expect("an object").extend(more.as_object().expect("an object").clone());
+            found(text, &config(value))
+        };
+        let one = |time, x, y| Ok(vec![(7, time, x, y)]);
+        assert_eq!(read("crowdit", json!({}), "time,pedID,posX,posY\n0.5,7,1,2\n"), one(0.5, 1.0, 2.0));
+        // Frame, person, x, z, y, and velocities.
+        let obsmat = "  7.8e+02 7.0e+00 8.4e+00 0 3.5e+00 1.6 0 0.1\n";
+        assert_eq!(read("eth", json!({ "frame_rate": 15.0 }), obsmat), one(52.0, 8.4, 3.5));
+        assert_eq!(read("atc", json!({}), "1350000000.25,7,1500,-250,1700,0,0,0\n"), one(1_350_000_000.25, 1.5, -0.25));
+        assert_eq!(read("thor", json!({}), "0.02,7,-0.046,-3.443,0.141,2.356\n"), one(0.02, -0.046, -3.443));
+        let pathfinder = |unit: &str| format!("\"t\",\"id\",\"x\",\"y\"\n\"s\",\"\",\"{unit}\",\"{unit}\"\n2,7,1,2\n");
+        assert_eq!(read("pathfinder", json!({}), &pathfinder("m")), one(2.0, 1.0, 2.0));
+        assert_eq!(read("pathfinder", json!({}), &pathfinder("ft")), one(2.0, 0.3048, 0.6096));
+        assert_eq!(
+            read("pathfinder", json!({}), "t,id,x,y\n2,7,1,2\n"),
+            Err("`unit` is missing: it says what positions are counted in".to_owned())
+        );
+        assert_eq!(
+            read("pathfinder", json!({ "unit": "m" }), &pathfinder("ft")),
+            Err("`unit` is `m`, but the recording says `ft`".to_owned())
+        );
     }
 }
