@@ -31,7 +31,7 @@ fn ran(place: &Place) -> Vec<String> {
     ran.map(|event| event["node"].as_str().expect("a name").to_owned()).collect()
 }
 
-/// What is not `0` in a query of one row.
+/// Returns the number `n` of a query's only row.
 fn number(place: &Place, query: &str) -> f64 {
     let told: Value = serde_json::from_str(&place.out(&["sql", "--json", query])).expect("is JSON");
     told["n"].as_f64().expect("a number")

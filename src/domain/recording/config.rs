@@ -21,7 +21,7 @@ pub struct RecordingConfig {
     pub frame_rate: Option<f64>,
     /// Topic of an MCAP file [the only one with people or poses].
     pub topic: Option<String>,
-    /// Frame of an MCAP file that positions must be in [`map`]; `transform` takes another one to the map.
+    /// Frame of an MCAP file that positions must be in [the one named `map`]; `transform` takes another one to the map.
     pub frame_id: Option<String>,
     /// From the frame of the recording, in meters, to that of the map: `{ yaw, offset }` in radians and meters; `{ pairs }`, two
     /// positions and where they lie on the map; or `{ homography }`, a matrix of 3 × 3 [none: they are the same].
