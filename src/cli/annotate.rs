@@ -117,7 +117,8 @@ impl Args {
         screen.remark(said(&imported));
         let Imported { map, .. } = imported;
         let place = |heat| Placed::new(*map.frame(), heat);
-        let updated = |heat| Ok::<_, CliError>(place(self.tracks.update(&map, heat, &recording, screen)?));
+        let seen = self.tracks.seen(&map, &recording, screen)?;
+        let updated = |heat| Ok::<_, CliError>(place(self.tracks.update(&map, heat, seen.as_ref())?));
         let simulated = || updated(crowd_args::simulate(&map, &walks, screen)?);
         let predicted = || updated(predict(&map, &model, &config, screen)?);
         let figure = |picture: &Picture, title: &str| png::figure(picture, Scale::Linear, title);
@@ -140,6 +141,10 @@ impl Args {
             Some(walked) => scene.heat("predicted", &heat).heat("simulated", walked),
         };
         let scene = if self.by == By::Model { scene } else { look::with_people(scene, &map, &walks)? };
+        let scene = match seen {
+            None => scene,
+            Some(seen) => look::with_recorded(scene, &map, seen, self.tracks.files()),
+        };
         let mut files = vec![(HEAT, heat.to_bytes()?)];
         if let Some(walked) = besides {
             files.push((SIMULATED, walked.to_bytes()?));

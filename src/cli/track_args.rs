@@ -9,7 +9,8 @@ use crate::domain::recording::{Columns, Format, RecordingConfig, RecordingError,
 use crate::domain::update::UpdateConfig;
 use crate::kinds::Heat;
 use crate::pipeline::stage::StageError;
-use crate::stages::{import_tracks, track_heat};
+use crate::stages::import_tracks;
+use crate::stages::track_heat::{self, Recorded};
 
 /// People who were recorded: what `import-tracks` of a pipeline file takes too.
 #[derive(Debug, clap::Args)]
@@ -102,19 +103,18 @@ impl TrackArgs {
         pose.or(pairs).or(homography).map(Transform::try_from).transpose()
     }
 
-    /// Updates a prediction by the people of the recordings, if some are given, and says what they held.
+    /// Reads the recordings, if some are given, and says what they held.
     ///
     /// # Errors
     /// [`CliError`] names the file, and what of it cannot be read.
-    pub(super) fn update(
+    pub(super) fn seen(
         &self,
         map: &OccupancyMap,
-        prior: Heat,
         config: &RecordingConfig,
         screen: &Screen,
-    ) -> Result<Heat, CliError> {
+    ) -> Result<Option<Recorded>, CliError> {
         if self.tracks.is_empty() {
-            return Ok(prior);
+            return Ok(None);
         }
         let seen = track_heat::recorded(&self.tracks, map, config).map_err(advised)?;
         seen.found.iter().for_each(|line| screen.remark(line));
@@ -122,7 +122,18 @@ impl TrackArgs {
             / map.free_cells().max(1) as f64;
         let share = 100.0 * mean / (mean + self.prior);
         screen.remark(format!("the mean cell was visited {mean:.2} times: what was seen weighs {share:.0} %"));
-        Ok(track_heat::heat(map, prior, &seen, &self.settings())?)
+        Ok(Some(seen))
+    }
+
+    /// Updates a prediction by the people who were seen, if some were.
+    ///
+    /// # Errors
+    /// [`CliError`] if a setting is out of its range.
+    pub(super) fn update(&self, map: &OccupancyMap, prior: Heat, seen: Option<&Recorded>) -> Result<Heat, CliError> {
+        match seen {
+            None => Ok(prior),
+            Some(seen) => Ok(track_heat::heat(map, prior, seen, &self.settings())?),
+        }
     }
 
     fn settings(&self) -> UpdateConfig {

@@ -7,6 +7,7 @@ use super::{import_tracks, update};
 use crate::domain::map::OccupancyMap;
 use crate::domain::raster::{Count, RasterConfig, VisitCounts, rasterize};
 use crate::domain::recording::{Joined, RecordingConfig};
+use crate::domain::tracks::Tracks;
 use crate::domain::update::UpdateConfig;
 use crate::kinds::Heat;
 use crate::pipeline::stage::StageError;
@@ -18,6 +19,8 @@ pub struct Recorded {
     pub visits: VisitCounts,
     /// The time on each cell.
     pub steps: VisitCounts,
+    /// The tracks of each recording.
+    pub tracks: Vec<Tracks>,
     /// What each recording held.
     pub found: Vec<String>,
 }
@@ -30,7 +33,7 @@ pub fn recorded(files: &[PathBuf], map: &OccupancyMap, config: &RecordingConfig)
     let paths = RasterConfig { flow: true, ..RasterConfig::default() };
     let time = RasterConfig { count: Count::Steps, ..RasterConfig::default() };
     let none = |config| VisitCounts::none_for(map, config);
-    let mut all = Recorded { visits: none(&paths), steps: none(&time), found: Vec::new() };
+    let mut all = Recorded { visits: none(&paths), steps: none(&time), tracks: Vec::new(), found: Vec::new() };
     for file in files {
         let (joined, remarks) = import_tracks::tracks(file, map, config)?;
         let Joined { tracks, people, sightings, off_map, breaks } = joined;
@@ -49,6 +52,7 @@ pub fn recorded(files: &[PathBuf], map: &OccupancyMap, config: &RecordingConfig)
         all.found.extend(remarks);
         all.visits.add(&visits).map_err(StageError::failed)?;
         all.steps.add(&count(&time)?).map_err(StageError::failed)?;
+        all.tracks.push(tracks);
     }
     Ok(all)
 }
