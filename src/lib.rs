@@ -21,7 +21,7 @@
 //!
 //! | room | what it does | may import |
 //! |---|---|---|
-//! | [`domain`] | computes: maps, crowds, recordings, counts, labels, windows, the network, annotation, updates, baselines, scores, costs, paths | nothing of ours |
+//! | [`domain`] | computes: maps, crowds, recordings, counts, labels, windows, the network, annotation, updates, baselines, scores, costs, paths, route graphs | nothing of ours |
 //! | [`store`] | keeps: objects, recipes, runs, plain names, collection, verification | nothing of ours |
 //! | [`kinds`] | encodes: one file per artifact kind, value to bytes and back | domain, store |
 //! | [`pipeline`] | decides: file, plan, execution, events | store |

@@ -99,6 +99,11 @@ fn annotate_learns_of_who_was_seen() {
     };
     let (plain, seen) = (mean("plain", "heat"), mean("seen", "heat"));
     assert!(seen > 0.85 && seen > plain + 0.1, "{plain} {seen}");
+    // What was counted and who was seen lie over the map to look at.
+    let view = std::fs::read_to_string(place.path("seen/view.html")).expect("it is there");
+    assert!(
+        ["visits, recorded", "monday.csv, 1 person", "tuesday.csv, 1 person"].iter().all(|name| view.contains(name))
+    );
     // They go to the right.
     assert!(mean("seen", "flow_0") > 0.6 && mean("seen", "flow_0") > mean("plain", "flow_0"));
 
