@@ -1,7 +1,7 @@
 //! Lines across rooms: where the middle of the floor is a detour between places that see each other.
 //!
 //! A greedy spanner (Althöfer et al., *On Sparse Spanners of Weighted Graphs*, 1993): pairs from near to far, each joined if the
-//! lines so far lead there only by a detour. No pair of places in sight of each other is farther on foot than that.
+//! lines so far lead there only by a detour. Hardly any pair of places in sight of each other is farther on foot than that.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -12,6 +12,8 @@ use crate::domain::geometry::Point;
 const STRETCH: f64 = 1.25;
 /// Lines are at most so many meters long.
 const LONGEST: f64 = 15.0;
+/// So many of the nearest places to the right of each are looked at, which are all but in a clutter of furniture.
+const NEAREST: usize = 100;
 
 /// Returns the pairs of places, smaller numbers first, that lines are still missing between; `sees` tells whether one gets straight
 /// from one point to another.
@@ -23,14 +25,13 @@ pub(super) fn shortcuts(places: &[Point], lines: &[[usize; 2]], sees: impl Fn([P
     order.sort_by(|a, b| places[*a].x.total_cmp(&places[*b].x).then(a.cmp(b)));
     let mut pairs = Vec::new();
     for (at, a) in order.iter().enumerate() {
-        for b in order[at + 1..].iter().take_while(|b| places[**b].x - places[*a].x <= LONGEST) {
-            let distance = places[*a].distance(places[*b]);
-            if distance <= LONGEST {
-                pairs.push((distance, [*a.min(b), *a.max(b)]));
-            }
-        }
+        let right = order[at + 1..].iter().take_while(|b| places[**b].x - places[*a].x <= LONGEST);
+        let pair = |b: &usize| (places[*a].distance(places[*b]), [*a.min(b), *a.max(b)]);
+        let mut near: Vec<(f64, [usize; 2])> = right.map(pair).filter(|(distance, _)| *distance <= LONGEST).collect();
+        near.sort_by(nearer);
+        pairs.extend(near.into_iter().take(NEAREST));
     }
-    pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    pairs.sort_by(nearer);
     let mut found = Vec::new();
     for (distance, ends) in pairs {
         if !graph.leads(ends, STRETCH * distance) && sees(ends.map(|end| places[end])) {
@@ -39,6 +40,10 @@ pub(super) fn shortcuts(places: &[Point], lines: &[[usize; 2]], sees: impl Fn([P
         }
     }
     found
+}
+
+fn nearer(a: &(f64, [usize; 2]), b: &(f64, [usize; 2])) -> std::cmp::Ordering {
+    a.0.total_cmp(&b.0).then(a.1.cmp(&b.1))
 }
 
 /// A graph that grows, with working memory for searches.

@@ -116,8 +116,8 @@ struct Drawn {
 
 impl Drawn {
     /// Looks which names fit: those of layers and classes mean all of the shape, colors what has them.
-    fn of(shape: &Shape, walls: &[String]) -> Self {
-        let named = shape.labels.iter().any(|name| is_any(walls, name));
+    fn of(shape: &Shape<'_>, walls: &[String]) -> Self {
+        let named = shape.labels.all().any(|name| is_any(walls, name));
         let is_painted = |color: &Option<String>| color.as_ref().is_some_and(|color| named || is_any(walls, color));
         Self { filled: is_painted(&shape.fill), lined: is_painted(&shape.stroke) }
     }

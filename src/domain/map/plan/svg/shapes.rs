@@ -1,5 +1,8 @@
 //! The shapes of an SVG document, in its user units.
 
+use std::collections::BTreeMap;
+use std::iter::successors;
+use std::rc::Rc;
 use std::str::FromStr;
 
 use roxmltree::{Document, Node};
@@ -16,12 +19,28 @@ use crate::domain::map::position::Position;
 
 /// How deep elements may lie in each other, `use` included.
 const DEEPEST: usize = 256;
+/// So many names and rules of style sheets are as much work as a point.
+const NAMES: u64 = 16;
+
+/// What an element can be named by: its label, its id and its classes, and those of the elements around it.
+#[derive(Debug, Default)]
+pub(super) struct Labels<'a> {
+    own: Vec<&'a str>,
+    outer: Option<Rc<Self>>,
+}
+
+impl<'a> Labels<'a> {
+    /// Returns all of them, its own first.
+    pub fn all(&self) -> impl Iterator<Item = &'a str> {
+        successors(Some(self), |labels| labels.outer.as_deref()).flat_map(|labels| labels.own.iter().copied())
+    }
+}
 
 /// Something that is drawn.
-#[derive(Debug, Clone, PartialEq)]
-pub(super) struct Shape {
+#[derive(Debug)]
+pub(super) struct Shape<'a> {
     /// Names of its layers and groups and its own, and its classes.
-    pub labels: Vec<String>,
+    pub labels: Rc<Labels<'a>>,
     pub fill: Option<String>,
     pub stroke: Option<String>,
     /// Width of its line.
@@ -31,10 +50,10 @@ pub(super) struct Shape {
     pub outlines: Vec<Outline>,
 }
 
-impl Shape {
+impl Shape<'_> {
     /// Returns what it can be named by: labels and colors.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.labels.iter().chain(&self.fill).chain(&self.stroke).map(String::as_str)
+        self.labels.all().chain(self.fill.iter().chain(&self.stroke).map(String::as_str))
     }
 }
 
@@ -64,10 +83,10 @@ impl View {
 
 /// Where elements lie and how they look, as they inherit it.
 #[derive(Clone)]
-struct Site {
+struct Site<'a> {
     transform: Affine,
     style: Style,
-    labels: Vec<String>,
+    labels: Rc<Labels<'a>>,
     depth: usize,
 }
 
@@ -109,33 +128,41 @@ impl Affine {
 ///
 /// # Errors
 /// [`PlanError`] with the place of what is not understood, or if there is too much.
-pub(super) fn shapes(document: &Document<'_>) -> Result<Vec<Shape>, PlanError> {
+pub(super) fn shapes<'a>(document: &'a Document<'_>) -> Result<Vec<Shape<'a>>, PlanError> {
     let mut sheet = StyleSheet::new();
     for style in document.descendants().filter(|node| node.has_tag_name(("http://www.w3.org/2000/svg", "style"))) {
         sheet.parse_more(style.text().unwrap_or_default());
     }
-    let mut artist = Artist { document, sheet, shapes: Vec::new(), work: 0 };
-    let site = Site { transform: Affine::HERE, style: Style::default(), labels: Vec::new(), depth: 0 };
+    let mut ids = BTreeMap::new();
+    for node in document.descendants() {
+        if let Some(id) = node.attribute("id") {
+            ids.entry(id).or_insert(node);
+        }
+    }
+    let mut artist = Artist { ids, sheet, shapes: Vec::new(), work: 0 };
+    let labels = Rc::new(Labels::default());
+    let site = Site { transform: Affine::HERE, style: Style::default(), labels, depth: 0 };
     artist.children(document.root_element(), &site)?;
     Ok(artist.shapes)
 }
 
 struct Artist<'a, 'i> {
-    document: &'a Document<'i>,
+    ids: BTreeMap<&'a str, Node<'a, 'i>>,
     sheet: StyleSheet<'a>,
-    shapes: Vec<Shape>,
-    /// Points and elements so far: a few bytes of `use` within `use` could make them endless.
+    shapes: Vec<Shape<'a>>,
+    /// Points and elements so far, and what it takes to name and style these: a few bytes of `use` within `use` could make them
+    /// endless.
     work: u64,
 }
 
 impl<'a, 'i> Artist<'a, 'i> {
-    fn children(&mut self, parent: Node<'a, 'i>, site: &Site) -> Result<(), PlanError> {
+    fn children(&mut self, parent: Node<'a, 'i>, site: &Site<'a>) -> Result<(), PlanError> {
         parent.children().filter(Node::is_element).try_for_each(|node| self.draw(node, site))
     }
 
-    fn draw(&mut self, node: Node<'a, 'i>, around: &Site) -> Result<(), PlanError> {
-        self.count(1)?;
+    fn draw(&mut self, node: Node<'a, 'i>, around: &Site<'a>) -> Result<(), PlanError> {
         let site = self.enter(node, around)?;
+        self.count(1 + (self.sheet.rules.len() + site.labels.all().count()) as u64 / NAMES)?;
         if !site.style.displayed {
             return Ok(());
         }
@@ -154,7 +181,7 @@ impl<'a, 'i> Artist<'a, 'i> {
     }
 
     /// Returns where an element lies within another one, and how it looks.
-    fn enter(&self, node: Node<'a, 'i>, around: &Site) -> Result<Site, PlanError> {
+    fn enter(&self, node: Node<'a, 'i>, around: &Site<'a>) -> Result<Site<'a>, PlanError> {
         if around.depth == DEEPEST {
             let found = format!("more than {DEEPEST}");
             return Err(PlanError::Svg {
@@ -171,16 +198,15 @@ impl<'a, 'i> Artist<'a, 'i> {
         }
         let label = node.attributes().find(|attribute| attribute.name() == "label").map(|attribute| attribute.value());
         let classes = node.attribute("class").unwrap_or_default().split_whitespace();
-        let mut labels = around.labels.clone();
-        labels.extend(label.into_iter().chain(node.attribute("id")).chain(classes).map(str::to_owned));
+        let own = label.into_iter().chain(node.attribute("id")).chain(classes).collect();
+        let labels = Rc::new(Labels { own, outer: Some(Rc::clone(&around.labels)) });
         Ok(Site { transform, style: around.style.of(node, &self.sheet), labels, depth: around.depth + 1 })
     }
 
-    fn reuse(&mut self, node: Node<'a, 'i>, site: &Site) -> Result<(), PlanError> {
+    fn reuse(&mut self, node: Node<'a, 'i>, site: &Site<'a>) -> Result<(), PlanError> {
         let link = node.attributes().find(|attribute| attribute.name() == "href").map(|attribute| attribute.value());
         let id = link.and_then(|link| link.strip_prefix('#'));
-        let used = id.and_then(|id| self.document.descendants().find(|node| node.attribute("id") == Some(id)));
-        let Some(used) = used else { return Ok(()) };
+        let Some(used) = id.and_then(|id| self.ids.get(id)).copied() else { return Ok(()) };
         let site = site.moved(node)?;
         if used.tag_name().name() == "symbol" {
             let site = self.enter(used, &site)?;
@@ -189,7 +215,7 @@ impl<'a, 'i> Artist<'a, 'i> {
         self.draw(used, &site)
     }
 
-    fn add(&mut self, mut outlines: Vec<Outline>, site: Site) -> Result<(), PlanError> {
+    fn add(&mut self, mut outlines: Vec<Outline>, site: Site<'a>) -> Result<(), PlanError> {
         let Site { transform, style, labels, .. } = site;
         for (point, _) in outlines.iter_mut().flat_map(|outline| &mut outline.points) {
             *point = transform.of(*point);
@@ -209,7 +235,7 @@ impl<'a, 'i> Artist<'a, 'i> {
     }
 }
 
-impl Site {
+impl Site<'_> {
     /// Returns the site at the `x` and `y` of an element.
     fn moved(&self, node: Node<'_, '_>) -> Result<Self, PlanError> {
         let transform = self.transform.after(&Affine::moved(number(node, "x")?, number(node, "y")?));

@@ -30,44 +30,37 @@ impl Default for Style {
 }
 
 impl Style {
-    /// Returns the style of an element within one of this style.
+    /// Returns the style of an element within one of this style: attributes count least, then what style sheets say, then its own
+    /// style.
     pub fn of(&self, node: Node<'_, '_>, sheet: &StyleSheet<'_>) -> Self {
         let mut style = self.clone();
         for name in ["fill", "stroke", "stroke-width", "fill-rule", "visibility", "display"] {
-            if let Some(value) = property(node, sheet, name) {
-                style.set(name, value.trim());
+            if let Some(value) = node.attribute(name) {
+                style.set(self, name, value.trim());
             }
+        }
+        let element = XmlElement(node);
+        // Rules are in the order of how much they count.
+        let rules = sheet.rules.iter().filter(|rule| rule.selector.matches(&element));
+        let own = DeclarationTokenizer::from(node.attribute("style").unwrap_or_default());
+        for declaration in rules.flat_map(|rule| &rule.declarations).copied().chain(own) {
+            style.set(self, declaration.name, declaration.value.trim());
         }
         style
     }
 
-    fn set(&mut self, name: &str, value: &str) {
-        if value == "inherit" {
-            return;
-        }
+    fn set(&mut self, around: &Self, name: &str, value: &str) {
+        let inherits = value == "inherit";
         match name {
-            "fill" => self.fill = painted(value),
-            "stroke" => self.stroke = painted(value),
-            "stroke-width" => self.width = length(value).unwrap_or(self.width),
-            "fill-rule" => self.odd = value == "evenodd",
-            "visibility" => self.visible = value == "visible",
-            _ => self.displayed = value != "none",
+            "fill" => self.fill = if inherits { around.fill.clone() } else { painted(value) },
+            "stroke" => self.stroke = if inherits { around.stroke.clone() } else { painted(value) },
+            "stroke-width" => self.width = length(value).unwrap_or(around.width),
+            "fill-rule" => self.odd = if inherits { around.odd } else { value == "evenodd" },
+            "visibility" => self.visible = if inherits { around.visible } else { value == "visible" },
+            "display" => self.displayed = value != "none",
+            _ => {}
         }
     }
-}
-
-/// Returns a property of an element: from its own style, or else a style sheet, or else an attribute.
-fn property(node: Node<'_, '_>, sheet: &StyleSheet<'_>, name: &str) -> Option<String> {
-    let own = DeclarationTokenizer::from(node.attribute("style").unwrap_or_default());
-    let own = own.filter(|declaration| declaration.name == name).last().map(|declaration| declaration.value.to_owned());
-    let element = XmlElement(node);
-    let of_sheet = || {
-        // Rules are in the order of how much they count.
-        let rules = sheet.rules.iter().rev().filter(|rule| rule.selector.matches(&element));
-        let mut declarations = rules.flat_map(|rule| rule.declarations.iter().rev());
-        declarations.find(|declaration| declaration.name == name).map(|declaration| declaration.value.to_owned())
-    };
-    own.or_else(of_sheet).or_else(|| node.attribute(name).map(str::to_owned))
 }
 
 /// Returns the color of a paint, `#rrggbb`, or `url` for what is no color; `None` if it paints nothing.

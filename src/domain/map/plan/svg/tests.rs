@@ -168,3 +168,19 @@ fn what_cannot_be_read_is_named_with_its_place() {
     let bare = ImportConfig { image_resolution: None, ..config(0.1) };
     assert_eq!(read(&format!("{svg}</svg>"), &bare), Err(PlanError::SvgScale));
 }
+
+/// Names, rules and uses cost something: what is made of many of them ends.
+#[test]
+fn hostile_drawings_end() {
+    let svg = |body: &str| format!("<svg xmlns='http://www.w3.org/2000/svg'>{body}</svg>");
+    let classes = "a ".repeat(100_000);
+    let named = svg(&format!("<g class='{classes}'>{}</g>", "<path d='M0 0H1'/>".repeat(1_000)));
+    let rules = (0..20_000).map(|i| format!(".c{i}{{fill:red}}")).collect::<String>();
+    let styled = svg(&format!("<style>{rules}</style>{}", "<path d='M0 0H1'/>".repeat(1_000)));
+    for text in [named, styled] {
+        let error = read(&text, &config(0.1)).expect_err("too much");
+        assert!(matches!(error, PlanError::TooManyPoints { .. }), "{error}");
+    }
+    let uses = format!("{}<rect id='wall' width='9' height='9'/>", "<use href='#wall'/>".repeat(20_000));
+    assert_eq!(read(&svg(&uses), &config(0.1)).expect("a drawing").0.solids.len(), 20_001);
+}
