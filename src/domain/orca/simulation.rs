@@ -345,7 +345,9 @@ mod tests {
             }
         }
 
-        /// But for discs that overlap a corner, which belongs to one of its two walls ([`super::super::Wall::avoid`]).
+        /// But for discs that overlap a corner, which belongs to one of its two walls ([`super::super::Wall::avoid`]), and for
+        /// those to whom a corner makes two walls equally near: the one that is first in their order is asked first, and may
+        /// cover the other by another half-plane that is as safe.
         #[test]
         fn a_mirrored_scene_gives_the_mirrored_answer(states in states()) {
             let obstacles = Obstacles::new(&walls()).expect("sound");
@@ -360,7 +362,18 @@ mod tests {
             let mut there = simulation(&mirrored_walls, &mirrored_states);
             here.step();
             there.step();
-            for (a, b) in here.discs().iter().zip(there.discs()) {
+            // How far an agent minds walls.
+            const REACH: f64 = PARAMETERS.radius + PARAMETERS.obstacle_horizon * PARAMETERS.max_speed;
+            let mut walls = Vec::new();
+            let mut is_between = |position: Point| {
+                obstacles.facing_within(position, REACH, &mut walls);
+                let equal = |pair: &[Near]| pair[1].distance_squared - pair[0].distance_squared < 1e-9;
+                walls.windows(2).any(equal)
+            };
+            for ((a, b), [position, ..]) in here.discs().iter().zip(there.discs()).zip(&states) {
+                if is_between(*position) {
+                    continue;
+                }
                 prop_assert!(a.velocity.distance(mirror(&b.velocity)) < 1e-6, "{:?} and {:?}", a, b);
             }
         }
