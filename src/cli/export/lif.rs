@@ -7,11 +7,12 @@ use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-use super::routes::RouteArgs;
+use super::routes::{RouteArgs, role_name};
 use crate::cli::error::CliError;
 use crate::cli::heat_file::read_heat;
 use crate::cli::out_folder::OutFolder;
 use crate::cli::screen::Screen;
+use crate::domain::route_graph::Edge;
 use crate::pipeline::execute::timestamp;
 
 const LAYOUT: &str = "layout.lif.json";
@@ -47,13 +48,13 @@ impl Args {
             json!({
                 "nodeId": id(number),
                 "nodeName": name.unwrap_or_else(|| id(number)),
-                "nodeDescription": super::routes::role_name(role),
+                "nodeDescription": role_name(role),
                 "nodePosition": { "x": at[0], "y": at[1] },
                 "vehicleTypeNodeProperties": [{ "vehicleTypeId": self.vehicle_type }],
             })
         };
         let nodes: Vec<Value> = laid.places().enumerate().map(node).collect();
-        let edge = |(number, line): (usize, crate::domain::route_graph::Edge)| {
+        let edge = |(number, line): (usize, Edge)| {
             json!({
                 "edgeId": format!("e{}", number + 1),
                 "startNodeId": id(line.ends[0]),
