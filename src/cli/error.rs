@@ -55,14 +55,6 @@ impl CliError {
         Self::Request { message: message.into(), help: None }
     }
 
-    /// Refuses the first option that is given and not from its least to its most value.
-    pub fn out_of_range(options: &[(&str, Option<f64>, f64, f64)]) -> Option<Self> {
-        options.iter().find_map(|(name, value, least, most)| {
-            let value = value.filter(|value| !(least..=most).contains(&value))?;
-            Some(Self::request(format!("`{name}` is {value}, allowed are {least} to {most}")))
-        })
-    }
-
     /// Makes one with advice.
     pub fn advised(message: impl Into<String>, help: impl Into<String>) -> Self {
         Self::Request { message: message.into(), help: Some(help.into()) }

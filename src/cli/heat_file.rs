@@ -15,6 +15,6 @@ pub(super) fn read_heat(path: &Path) -> Result<Placed<Heat>, CliError> {
 }
 
 /// Reads a whole file.
-pub(super) fn read(path: &Path) -> Result<Vec<u8>, CliError> {
+pub(crate) fn read(path: &Path) -> Result<Vec<u8>, CliError> {
     read_bounded(path, MOST_BYTES).map_err(|source| CliError::File { action: "read", path: path.to_owned(), source })
 }

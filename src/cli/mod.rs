@@ -11,7 +11,7 @@ mod diff;
 mod error;
 mod export;
 mod gc;
-mod heat_file;
+pub(crate) mod heat_file;
 mod import_args;
 mod init;
 mod keep;

@@ -166,7 +166,7 @@ fn told(path: &Path) -> String {
 }
 
 /// Says why there is no path in the words of the options, and what helps.
-fn refused(error: NoPath) -> CliError {
+pub(super) fn refused(error: NoPath) -> CliError {
     match error {
         NoPath::Range { field, value, low, high } => {
             CliError::request(format!("`--{field}` is {value}, allowed are {low} to {high}"))

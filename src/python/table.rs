@@ -13,6 +13,7 @@ use pyo3::types::{PyBytes, PyCapsule};
 use super::arrow::{joined, schema_capsule, stream_capsule, taken};
 use super::column::Column;
 use super::error::PythonError;
+use crate::cli::heat_file;
 use crate::domain::map::OccupancyMap;
 use crate::domain::quantize::Labels;
 use crate::domain::raster::VisitCounts;
@@ -20,10 +21,7 @@ use crate::kinds::parquet::Layout;
 use crate::kinds::{AnyTable, Heat, Placed, SingleFile, Tabular, checked};
 use crate::report::picture::{Picture, Scale, heat_picture, labels_picture, visits_picture};
 use crate::report::png;
-use crate::store::{read_bounded, write_whole};
-
-/// The most bytes of a file that is read.
-const MOST_BYTES: u64 = 4 << 30;
+use crate::store::write_whole;
 
 /// Columns, what stands beside them, and what they were made of.
 #[pyclass(frozen, module = "trodden._trodden")]
@@ -167,7 +165,7 @@ impl Table {
     }
 
     fn of_file(path: &Path) -> Result<Self, PythonError> {
-        let bytes = bytes(path)?;
+        let bytes = heat_file::read(path)?;
         let read = || {
             let table = checked(bytes.clone())?;
             let source = match table.metadata.get("kind").map(String::as_str) {
@@ -193,7 +191,7 @@ impl Table {
         let mut whole: Option<AnyTable> = None;
         for name in &names {
             let path = folder.join(name);
-            let chunk = checked(bytes(&path)?);
+            let chunk = checked(heat_file::read(&path)?);
             let mut chunk = chunk.map_err(|source| PythonError::Artifact { path: path.clone(), source })?;
             // What happened in the episodes differs from chunk to chunk.
             chunk.metadata.remove("summary");
@@ -264,8 +262,4 @@ impl Table {
             _ => None,
         })
     }
-}
-
-fn bytes(path: &Path) -> Result<Vec<u8>, PythonError> {
-    read_bounded(path, MOST_BYTES).map_err(|source| PythonError::file("read", path.to_owned(), source))
 }

@@ -63,6 +63,26 @@ impl Planned {
     }
 }
 
+/// Refuses the first number that is given and not from its least to its most value.
+///
+/// # Errors
+/// [`NoPath::Range`] names it.
+pub fn check_ranges(numbers: &[(&'static str, Option<f64>, f64, f64)]) -> Result<(), NoPath> {
+    for (field, value, low, high) in numbers.iter().copied() {
+        if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
+            return Err(NoPath::Range { field, value, low, high });
+        }
+    }
+    Ok(())
+}
+
+/// Returns the settings of people among whom a robot of a radius in meters plans to go at a speed in m/s.
+#[must_use]
+pub fn robots_crowd(radius: f64, speed: f64) -> CrowdConfig {
+    let crowd = Preset::Comfortable.config();
+    CrowdConfig { radius, speed: Speed { mean: speed, ..crowd.speed }, ..crowd }
+}
+
 impl Trip {
     /// Checks every number against its range.
     ///
@@ -76,12 +96,7 @@ impl Trip {
             ("radius", Some(self.radius), 0.05, 2.0),
             ("speed", Some(self.speed), 0.1, 10.0),
         ];
-        for (field, value, low, high) in ranges {
-            if let Some(value) = value.filter(|value| !(low..=high).contains(value)) {
-                return Err(NoPath::Range { field, value, low, high });
-            }
-        }
-        Ok(())
+        check_ranges(&ranges)
     }
 
     /// Finds the places on a map, before anybody asks where people are.
@@ -90,8 +105,7 @@ impl Trip {
     /// [`NoPath`] if a number is out of range or the robot does not fit at one of the places.
     pub fn on<'m>(&self, map: &'m OccupancyMap) -> Result<Start<'m>, NoPath> {
         self.check()?;
-        let crowd = CrowdConfig { radius: self.radius, ..Preset::Comfortable.config() };
-        let crowd = CrowdConfig { speed: Speed { mean: self.speed, ..crowd.speed }, ..crowd };
+        let crowd = robots_crowd(self.radius, self.speed);
         let scene = Scene::new(map, &crowd).map_err(NoPath::Crowd)?;
         let local = |is_start: bool, place: Point| {
             let local = map.frame().to_local(place);

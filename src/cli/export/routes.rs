@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use crate::cli::error::CliError;
+use crate::cli::plan_path;
 use crate::cli::screen::Screen;
-use crate::domain::crowd::{CrowdConfig, CrowdError, Preset, Scene, Speed, mean_pedestrians};
+use crate::domain::crowd::{CrowdError, Scene, mean_pedestrians};
 use crate::domain::geometry::{Frame, Point};
 use crate::domain::map::OccupancyMap;
 use crate::domain::planner::SocialPlanner;
@@ -13,6 +14,7 @@ use crate::domain::social::CostConfig;
 use crate::kinds::{Heat, Placed};
 use crate::report::picture::{Scale, route_graph};
 use crate::report::png;
+use crate::stages::path_around::{check_ranges, robots_crowd};
 
 /// How the graph is laid.
 #[derive(Debug, clap::Args)]
@@ -61,9 +63,7 @@ impl RouteArgs {
         self.check()?;
         let refused = |error: &dyn std::fmt::Display| CliError::request(format!("`{}`: {error}", path.display()));
         let map = OccupancyMap::new(heat.value.free.clone(), heat.frame).map_err(|error| refused(&error))?;
-        let crowd = Preset::Comfortable.config();
-        let speed = Speed { mean: self.speed, ..crowd.speed };
-        let crowd = CrowdConfig { radius: self.radius, speed, ..crowd };
+        let crowd = robots_crowd(self.radius, self.speed);
         let scene = Scene::new(&map, &crowd).map_err(|error: CrowdError| refused(&error))?;
         let density = heat.value.relative_density(map.free());
         let density = density.ok_or_else(|| refused(&"the heat says that nobody is anywhere"))?;
@@ -89,12 +89,12 @@ impl RouteArgs {
 
     fn check(&self) -> Result<(), CliError> {
         let ranges = [
-            ("--radius", Some(self.radius), 0.05, 2.0),
-            ("--speed", Some(self.speed), 0.05, 10.0),
-            ("--people", self.people, 0.0, 1e5),
-            ("--lambda", self.lambda, 0.0, 1e6),
+            ("radius", Some(self.radius), 0.05, 2.0),
+            ("speed", Some(self.speed), 0.05, 10.0),
+            ("people", self.people, 0.0, 1e5),
+            ("lambda", self.lambda, 0.0, 1e6),
         ];
-        CliError::out_of_range(&ranges).map_or(Ok(()), Err)
+        check_ranges(&ranges).map_err(plan_path::refused)
     }
 }
 

@@ -74,7 +74,7 @@ fn laid(source: &Source<'_>, scene: Scene, node: &RunNode, of: &str) -> Result<S
 fn walked(source: &Source<'_>, scene: Scene, node: &RunNode) -> Result<Scene, ReportError> {
     let Some(artifact) = &node.artifact else { return Ok(scene) };
     let (mut samples, mut episodes, mut last, mut scales) = (Vec::new(), 0, None, None);
-    for chunk in TrackReader::chunks(source.store, artifact) {
+    'chunks: for chunk in TrackReader::chunks(source.store, artifact) {
         let chunk = chunk?;
         scales.get_or_insert((chunk.frame_rate, chunk.radius));
         for batch in chunk {
@@ -84,11 +84,8 @@ fn walked(source: &Source<'_>, scene: Scene, node: &RunNode) -> Result<Scene, Re
                 samples.push((sample, false));
             }
             if episodes > MOST_EPISODES {
-                break;
+                break 'chunks;
             }
-        }
-        if episodes > MOST_EPISODES {
-            break;
         }
     }
     let Some((rate, radius)) = scales else { return Ok(scene) };
