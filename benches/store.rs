@@ -41,7 +41,7 @@ fn made(store: &Store, number: usize) -> (Key, Artifact) {
     let artifact = Artifact::single(store.put("", &number.to_le_bytes()).expect("puts"));
     let recipe = recipe(number);
     let key = recipe.key();
-    store.remember(&key, &Record { recipe, artifact: artifact.clone() }).expect("remembers");
+    store.remember(&key, &Record { recipe, artifact: artifact.clone(), making: None }).expect("remembers");
     (key, artifact)
 }
 

@@ -99,7 +99,7 @@ fn write_everything(store: &Store) {
         let artifact = Artifact::single(writer.finish("").expect("ends"));
         let recipe = recipe(&number.to_string());
         let key = recipe.key();
-        let remembered = store.remember(&key, &Record { recipe, artifact }).expect("remembers");
+        let remembered = store.remember(&key, &Record { recipe, artifact, making: None }).expect("remembers");
         assert!(!matches!(remembered, Remembered::Other { .. }));
     }
 }

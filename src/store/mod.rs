@@ -83,7 +83,7 @@ pub use latest::LatestEntry;
 pub use node_name::{NodeName, NodePart, Role};
 pub use object::ObjectWriter;
 pub use prune::{Prune, Pruned};
-pub use recipe::{Difference, InputDigest, Recipe, Record, Remembered};
+pub use recipe::{Difference, InputDigest, Making, Recipe, Record, Remembered};
 pub use run::{Outcome, Run, RunNode, RunStatus};
 pub use run_index::RunSummary;
 

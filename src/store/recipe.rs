@@ -65,6 +65,25 @@ pub struct Record {
     pub recipe: Recipe,
     /// What came out.
     pub artifact: Artifact,
+    /// How it was made; no key and no byte of an artifact depends on it. Records of older versions do not say.
+    #[serde(default)]
+    pub making: Option<Making>,
+}
+
+/// How an artifact was made: for lineage, forecasts and tables.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Making {
+    /// Program and its version.
+    pub program: String,
+    /// When the work began, RFC 3339 in UTC.
+    pub started: String,
+    /// How long it took in seconds.
+    pub wall_s: f64,
+    /// The most memory that its commands held, in bytes, where it ran any.
+    pub memory: Option<u64>,
+    /// The files outside of the store that it read, by role, as they were named.
+    pub sources: BTreeMap<String, String>,
 }
 
 /// A record as it is written.
@@ -73,6 +92,8 @@ struct Stored<'a> {
     format: u32,
     recipe: &'a Recipe,
     artifact: &'a Artifact,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    making: Option<&'a Making>,
 }
 
 /// How a new record compares with the one that was there.
@@ -200,7 +221,8 @@ impl Serialize for Sorted<'_> {
 
 impl Record {
     fn to_text(&self) -> Vec<u8> {
-        let stored = Stored { format: seal::FORMAT, recipe: &self.recipe, artifact: &self.artifact };
+        let making = self.making.as_ref();
+        let stored = Stored { format: seal::FORMAT, recipe: &self.recipe, artifact: &self.artifact, making };
         seal::seal(serde_json::to_vec_pretty(&stored).expect("a record is JSON: its keys are strings"))
     }
 }
@@ -229,7 +251,8 @@ impl Store {
         }
     }
 
-    /// Records what came out of a recipe; its objects must be in the store.
+    /// Records what came out of a recipe; its objects must be in the store. Where the same came out before, the record stays
+    /// as it is: it says how that was made.
     ///
     /// # Errors
     /// If the store cannot be written.
@@ -356,6 +379,19 @@ mod tests {
         let other = Record { artifact: record(&store, "b").artifact, ..first.clone() };
         assert_eq!(store.remember(&key, &other).expect("writes"), Remembered::Other { before: first.artifact });
         assert_eq!(store.recall(&key).expect("reads"), Some(other));
+    }
+
+    #[test]
+    fn how_an_artifact_was_made_stays_on_record() {
+        let (_folder, store) = store();
+        let making = |program: &str| Making { program: program.to_owned(), wall_s: 1.5, ..Making::default() };
+        let first = Record { making: Some(making("trodden 1")), ..record(&store, "a") };
+        let key = first.recipe.key();
+        store.remember(&key, &first).expect("writes");
+        // Whoever makes the same again does not take the place of the first.
+        let again = Record { making: Some(making("trodden 2")), ..first.clone() };
+        assert_eq!(store.remember(&key, &again).expect("writes"), Remembered::Same);
+        assert_eq!(store.recall(&key).expect("reads"), Some(first));
     }
 
     #[test]

@@ -16,7 +16,7 @@ pub(super) fn store() -> (TempDir, Store) {
 /// Stores a name as the artifact of a recipe with that name.
 pub(super) fn record(store: &Store, name: &str) -> Record {
     let artifact = Artifact::single(store.put("", name.as_bytes()).expect("puts"));
-    Record { recipe: recipe(name), artifact }
+    Record { recipe: recipe(name), artifact, making: None }
 }
 
 pub(super) fn recipe(name: &str) -> Recipe {

@@ -1,17 +1,19 @@
 //! What happens on the thread of a task.
 
 use std::any::Any;
+use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::Sender;
 use std::time::Instant;
 
+use super::clock::timestamp;
 use crate::pipeline::error::causes;
 use crate::pipeline::graph::{Origin, Task, Work};
 use crate::pipeline::ledger::{Ledger, Sources};
 use crate::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageError};
-use crate::store::{Artifact, Key, KeyLock, Recipe, Record, Remembered, Store, StoreError};
+use crate::store::{Artifact, Key, KeyLock, Making, Recipe, Record, Remembered, Store, StoreError};
 
 /// Progress is sent at most this often, in milliseconds.
 const EVERY_MS: u64 = 100;
@@ -124,6 +126,7 @@ impl<'a> Assignment<'a> {
     }
 
     fn make(&self, sender: &Sender<Message>) -> Result<Made, Trouble> {
+        let (begun, started) = (Instant::now(), timestamp());
         let artifact = match self.work {
             Work::Part(part) => {
                 self.check_sources()?;
@@ -136,7 +139,14 @@ impl<'a> Assignment<'a> {
             }
             Work::Close => self.inputs.previous.clone().expect("a chain has a last step"),
         };
-        let record = Record { recipe: self.recipe.clone(), artifact };
+        let making = Making {
+            program: concat!("trodden ", env!("CARGO_PKG_VERSION")).to_owned(),
+            started,
+            wall_s: begun.elapsed().as_secs_f64(),
+            memory: None,
+            sources: self.read_sources(),
+        };
+        let record = Record { recipe: self.recipe.clone(), artifact, making: Some(making) };
         let before = match self.store.remember(&self.key, &record)? {
             // The end of a chain follows its last step, which has told of it.
             Remembered::Other { before } if self.work != Work::Close => Some(before),
@@ -169,6 +179,17 @@ impl<'a> Assignment<'a> {
                 damaged: false,
             }),
         }
+    }
+
+    /// Returns the source files that this part read, as they were named, by role.
+    fn read_sources(&self) -> BTreeMap<String, String> {
+        let of_part = match self.work {
+            Work::Part(part) => self.stage.part_sources(part),
+            Work::Close => None,
+        };
+        let read = |role: &String| of_part.as_ref().is_none_or(|roles| roles.contains(role));
+        let sources = self.sources.iter().filter(|(role, _)| read(role));
+        sources.map(|(role, (path, _))| (role.clone(), path.display().to_string())).collect()
     }
 
     /// Makes sure that the source files are still what the recipe says.
