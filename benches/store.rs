@@ -75,7 +75,7 @@ fn filled(count: usize) -> Filled {
     let link = |(number, (_, artifact)): (usize, &(Key, Artifact))| LatestEntry {
         node: name(number),
         artifact: artifact.clone(),
-        extension: "parquet",
+        extension: "parquet".into(),
     };
     let links: Vec<LatestEntry> = made.iter().enumerate().map(link).collect();
     let keys = made.iter().map(|(key, _)| *key).collect();

@@ -61,3 +61,17 @@ mod python;
 pub mod report;
 pub mod stages;
 pub mod store;
+
+/// Runs a program with these stages, sources and kinds on the arguments of this process, and returns its exit code.
+///
+/// [`stages::register`] has ours; what a crate of one's own adds to it stands beside them:
+///
+/// ```ignore
+/// fn main() -> std::process::ExitCode {
+///     trodden::run(&trodden::stages::register().with_stage(mine::entry()))
+/// }
+/// ```
+#[must_use]
+pub fn run(register: &pipeline::stage::Register) -> std::process::ExitCode {
+    cli::main(register, std::env::args_os())
+}

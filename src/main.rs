@@ -7,5 +7,5 @@ use std::process::ExitCode;
 static ALLOCATOR: mimalloc::MiMalloc = mimalloc::MiMalloc;
 
 fn main() -> ExitCode {
-    trodden::cli::main(std::env::args_os())
+    trodden::run(&trodden::stages::register())
 }

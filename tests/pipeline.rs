@@ -46,7 +46,7 @@ fn read(text: &str, sets: &[&str]) -> Result<Pipeline, PipelineError> {
 fn read_in(file: &Path, text: &str, sets: &[&str]) -> Result<Pipeline, PipelineError> {
     let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
     let variables = [("MAPS", "a/b"), ("FOUR", "4")].map(|(name, value)| (name.to_owned(), value.to_owned())).into();
-    spec::parse(text, &Request { file, sets: &sets, variables: &variables, register: &toy::REGISTER })
+    spec::parse(text, &Request { file, sets: &sets, variables: &variables, register: &toy::register() })
 }
 
 /// Reads a pipeline that is right.

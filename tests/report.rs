@@ -157,7 +157,7 @@ impl Maker {
             let artifact = self.put(&checkpoint);
             let (name, before) = (format!("model/epoch-{epoch:02}"), format!("model/epoch-{:02}", epoch - 1));
             let inputs: &[&str] = if epoch == 1 { &["tiles"] } else { &["tiles", &before] };
-            self.node(&name, Role::Epoch, "train", "Checkpoint", artifact.clone(), inputs);
+            self.node(&name, Role::Step, "train", "Checkpoint", artifact.clone(), inputs);
             if epoch == 4 {
                 self.node("model", Role::Node, "train", "Checkpoint", artifact, &["model/epoch-04"]);
             }

@@ -49,6 +49,7 @@ use screen::Screen;
 pub(crate) use error::CliError;
 
 use crate::pipeline::error::PipelineError;
+use crate::pipeline::stage::Register;
 
 /// Learns where people walk: predicts from a floor plan how often each spot is visited.
 #[derive(Debug, Parser)]
@@ -122,16 +123,17 @@ enum Command {
     Completions(completions::Args),
 }
 
-/// Parses a command line, which begins with the program's name, runs the command and returns its exit code.
+/// Parses a command line, which begins with the program's name, runs the command over the
+/// stages, sources and kinds of a register and returns its exit code.
 #[must_use]
-pub fn main(arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
+pub fn main(register: &Register, arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     hush_decoder();
     let cli = match Cli::try_parse_from(arguments) {
         Ok(cli) => cli,
         Err(said) => return explain(&said),
     };
     let screen = Screen::new(cli.json);
-    let done = dispatch(&cli, &screen).and_then(|code| screen.flush().map(|()| code));
+    let done = dispatch(&cli, register, &screen).and_then(|code| screen.flush().map(|()| code));
     done.unwrap_or_else(|error| complain(&error, &screen))
 }
 
@@ -165,12 +167,12 @@ fn complain(error: &CliError, screen: &Screen) -> ExitCode {
     error.code()
 }
 
-fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
+fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode, CliError> {
     let store = cli.store.as_path();
     match &cli.command {
-        Command::Run(args) => args.run(store, screen),
-        Command::Plan(args) => args.run(store, screen),
-        Command::Why(args) => args.run(store, screen),
+        Command::Run(args) => args.run(register, store, screen),
+        Command::Plan(args) => args.run(register, store, screen),
+        Command::Why(args) => args.run(register, store, screen),
         Command::Status(args) => args.run(store, screen),
         Command::Ls(args) => args.run(store, screen),
         Command::Runs(args) => args.run(store, screen),
@@ -181,8 +183,8 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Keep(args) => args.run(store, screen),
         Command::Gc(args) => args.run(store, screen),
         Command::Verify(args) => args.run(store, screen),
-        Command::Check(args) => args.run(screen),
-        Command::Schema(args) => args.run(screen),
+        Command::Check(args) => args.run(register, screen),
+        Command::Schema(args) => args.run(register, screen),
         Command::Init(args) => args.run(screen),
         Command::Annotate(args) => args.run(store, screen),
         Command::Simulate(args) => args.run(store, screen),

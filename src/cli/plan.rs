@@ -8,6 +8,7 @@ use super::request::{Known, PipelineArgs};
 use super::screen::{Screen, columns};
 use crate::pipeline::plan::{Plan, PlannedTask, State, plan};
 use crate::pipeline::spec::{Pipeline, check_sources};
+use crate::pipeline::stage::Register;
 use crate::store::Role;
 
 /// Arguments of `plan`.
@@ -32,8 +33,8 @@ pub struct Args {
 }
 
 impl Args {
-    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        print_plan(&self.pipeline.load()?, store, &self.only, self.all, screen)
+    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        print_plan(&self.pipeline.load(register)?, store, &self.only, self.all, screen)
     }
 }
 
@@ -75,7 +76,7 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> 
         .filter(shown)
         .map(|task| {
             let (state, detail) = describe(plan, task);
-            vec![task.name.to_string(), task.stage.to_owned(), state.to_owned(), detail]
+            vec![task.name.to_string(), task.stage.to_string(), state.to_owned(), detail]
         })
         .collect();
     screen.line(columns(&["node", "stage", "state", "why"], &rows))?;

@@ -9,7 +9,7 @@ use clap::Args;
 use super::error::CliError;
 use crate::pipeline::plan::Lookups;
 use crate::pipeline::spec::{self, Pipeline, suggest};
-use crate::stages::REGISTER;
+use crate::pipeline::stage::Register;
 use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, StoreError, read_bounded};
 
 /// A pipeline file and the settings that override it.
@@ -28,8 +28,8 @@ impl PipelineArgs {
     ///
     /// # Errors
     /// [`CliError::Pipeline`] with all that is wrong with the file.
-    pub fn load(&self) -> Result<Pipeline, CliError> {
-        load(&self.file, &self.sets)
+    pub fn load(&self, register: &Register) -> Result<Pipeline, CliError> {
+        load(&self.file, &self.sets, register)
     }
 }
 
@@ -37,11 +37,11 @@ impl PipelineArgs {
 ///
 /// # Errors
 /// [`CliError::Pipeline`] with all that is wrong with the file.
-pub fn load(file: &Path, sets: &[String]) -> Result<Pipeline, CliError> {
+pub fn load(file: &Path, sets: &[String], register: &Register) -> Result<Pipeline, CliError> {
     let text = |value: std::ffi::OsString| value.into_string().ok();
     let variables: BTreeMap<String, String> =
         std::env::vars_os().filter_map(|(name, value)| Some((text(name)?, text(value)?))).collect();
-    Ok(spec::load(&spec::Request { file, sets, variables: &variables, register: &REGISTER })?)
+    Ok(spec::load(&spec::Request { file, sets, variables: &variables, register })?)
 }
 
 /// Reads an age such as `30m`, `12h`, `1d` or `0s`.

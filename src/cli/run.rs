@@ -14,6 +14,7 @@ use super::screen::Screen;
 use super::signals;
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute};
+use crate::pipeline::stage::Register;
 use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
 use crate::store::{RunStatus, Store};
@@ -61,8 +62,8 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 impl Args {
-    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        let pipeline = self.pipeline.load()?;
+    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        let pipeline = self.pipeline.load(register)?;
         if self.dry_run {
             return print_plan(&pipeline, store, &self.only, false, screen);
         }

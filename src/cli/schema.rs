@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use super::error::CliError;
 use super::screen::Screen;
-use crate::stages::REGISTER;
+use crate::pipeline::stage::Register;
 
 /// Arguments of `schema`.
 #[derive(Debug, clap::Args)]
@@ -15,8 +15,8 @@ use crate::stages::REGISTER;
 pub struct Args {}
 
 impl Args {
-    pub(super) fn run(&self, screen: &Screen) -> Result<ExitCode, CliError> {
-        let schema = crate::pipeline::schema::schema(&REGISTER);
+    pub(super) fn run(&self, register: &Register, screen: &Screen) -> Result<ExitCode, CliError> {
+        let schema = crate::pipeline::schema::schema(register);
         screen.line(serde_json::to_string_pretty(&schema).expect("a schema is JSON"))?;
         Ok(ExitCode::SUCCESS)
     }

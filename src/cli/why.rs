@@ -7,6 +7,7 @@ use super::error::CliError;
 use super::request::{Known, find_run, load};
 use super::screen::Screen;
 use crate::pipeline::plan::plan;
+use crate::pipeline::stage::Register;
 use crate::pipeline::why::{of_plan, of_run};
 use crate::store::{Run, Store};
 
@@ -37,10 +38,10 @@ pub struct Args {
 }
 
 impl Args {
-    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let answers = match &self.file {
             Some(file) => {
-                let pipeline = load(file, &self.sets)?;
+                let pipeline = load(file, &self.sets, register)?;
                 let known = Known::at(store)?;
                 let plan = plan(&pipeline, &known, &[])?;
                 of_plan(&plan, known.latest_run(&pipeline)?.as_ref(), &known, &self.node)?

@@ -1,5 +1,6 @@
 //! Divides nodes into tasks: the chunks and steps that are cached one by one, and what each of them reads.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::error::PipelineError;
@@ -46,7 +47,7 @@ pub(crate) enum Work {
 /// What is at a port.
 #[derive(Debug)]
 pub(crate) struct Feed {
-    pub port: &'static str,
+    pub port: Cow<'static, str>,
     pub origin: Origin,
 }
 
@@ -130,7 +131,7 @@ impl<'p> Graph<'p> {
                 self.gather(index, node, parts, made)
             }
             Division::Follows(port) => {
-                let followed = node.inputs.iter().find(|input| input.port == port).map(|input| &input.wire);
+                let followed = node.inputs.iter().find(|input| &*input.port == port).map(|input| &input.wire);
                 let followed = match followed {
                     Some(Wire::One(node)) if !made[*node].parts.is_empty() => made[*node].parts.clone(),
                     _ => return whole(self),
@@ -139,7 +140,7 @@ impl<'p> Graph<'p> {
                 for (number, (label, read)) in (0..).zip(followed) {
                     let part = Part::Chunk(number);
                     let mut ports = feeds(node, part, made);
-                    for feed in ports.iter_mut().filter(|feed| feed.port == port) {
+                    for feed in ports.iter_mut().filter(|feed| &*feed.port == port) {
                         feed.origin = Origin::One(read);
                     }
                     let name = node.name.part_of(NodePart::Chunk(number));
@@ -151,7 +152,7 @@ impl<'p> Graph<'p> {
                 let mut previous = None;
                 for number in 1..=count {
                     let part = Part::Step(number);
-                    let name = node.name.part_of(NodePart::Step(number));
+                    let name = node.name.step_of(node.stage.step_word(), number);
                     let step = self.push(index, Work::Part(part), name, feeds(node, part, made));
                     self.link(step, previous.replace(step));
                 }
@@ -202,7 +203,7 @@ fn count_tasks(nodes: &[Node]) -> u64 {
             Division::Chunks(count) => (u64::from(count), 0),
             Division::Chain(count) => (0, u64::from(count)),
             Division::Follows(port) => {
-                let followed = node.inputs.iter().find(|input| input.port == port).map(|input| &input.wire);
+                let followed = node.inputs.iter().find(|input| &*input.port == port).map(|input| &input.wire);
                 (if let Some(Wire::One(node)) = followed { parts[*node] } else { 0 }, 0)
             }
         };
@@ -215,7 +216,7 @@ fn count_tasks(nodes: &[Node]) -> u64 {
 /// Returns what is at the ports that a part reads.
 fn feeds(node: &Node, part: Part, made: &[Made]) -> Vec<Feed> {
     let only = node.stage.part_ports(part);
-    let read = node.inputs.iter().filter(|input| only.is_none_or(|only| only.contains(&input.port)));
+    let read = node.inputs.iter().filter(|input| only.is_none_or(|only| only.contains(&&*input.port)));
     let feed = |wire: &Wire| match wire {
         Wire::One(node) => Origin::One(made[*node].last),
         Wire::Group(nodes) => {
@@ -223,7 +224,7 @@ fn feeds(node: &Node, part: Part, made: &[Made]) -> Vec<Feed> {
             Origin::Group(nodes.iter().map(member).collect())
         }
     };
-    read.map(|input| Feed { port: input.port, origin: feed(&input.wire) }).collect()
+    read.map(|input| Feed { port: input.port.clone(), origin: feed(&input.wire) }).collect()
 }
 
 impl Task {

@@ -145,12 +145,12 @@ impl<'a> Ledger<'a> {
         for name in only {
             for task in graph.named(name)? {
                 scope[task] = true;
-                targets[task] |= graph.tasks[task].role() != Role::Epoch || graph.tasks[task].name == *name;
+                targets[task] |= graph.tasks[task].role() != Role::Step || graph.tasks[task].name == *name;
             }
         }
         if only.is_empty() {
             for (target, task) in targets.iter_mut().zip(&graph.tasks) {
-                *target = task.role() != Role::Epoch;
+                *target = task.role() != Role::Step;
             }
         }
         for task in (0..count).rev().filter(|_| !only.is_empty()) {
@@ -373,7 +373,7 @@ impl<'a> Ledger<'a> {
             if let Ok(Some(record)) = self.lookups.recall(&key)
                 && self.closes(task, &record.artifact)
             {
-                if self.graph.tasks[task].role() != Role::Epoch && !self.lookups.complete(&record.artifact) {
+                if self.graph.tasks[task].role() != Role::Step && !self.lookups.complete(&record.artifact) {
                     gone.push(task);
                 }
                 (self.keys[task], self.artifacts[task]) = (Some(key), Some(record.artifact));
@@ -397,10 +397,10 @@ impl<'a> Ledger<'a> {
         for feed in &of.ports {
             match &feed.origin {
                 Origin::One(task) => {
-                    inputs.extend(digest(*task).map(|digest| (feed.port.to_owned(), InputDigest::One(digest))))
+                    inputs.extend(digest(*task).map(|digest| (feed.port.to_string(), InputDigest::One(digest))))
                 }
                 Origin::Group(members) => {
-                    inputs.insert(feed.port.to_owned(), many(members));
+                    inputs.insert(feed.port.to_string(), many(members));
                 }
             }
         }
@@ -423,10 +423,10 @@ impl<'a> Ledger<'a> {
             inputs.extend(digest(previous).map(|digest| ("previous".to_owned(), InputDigest::One(digest))));
         }
         Recipe {
-            stage: node.spec.name.to_owned(),
+            stage: node.spec.name.to_string(),
             part: part.map(str::to_owned),
             version: node.spec.version,
-            kind: node.spec.output.name.to_owned(),
+            kind: node.spec.output.name.to_string(),
             format: node.spec.output.format,
             parameters,
             seed: node.seed,

@@ -5,6 +5,7 @@ use super::graph::{Graph, find_named};
 use super::ledger::{Ledger, Status};
 use super::spec::Pipeline;
 use crate::store::{Artifact, Key, NodeName, Recipe, Role};
+use std::borrow::Cow;
 
 pub use super::ledger::{Lookups, Reason};
 
@@ -25,9 +26,9 @@ pub struct PlannedTask {
     /// What it is to the pipeline.
     pub role: Role,
     /// The verb: `quantize`.
-    pub stage: &'static str,
+    pub stage: Cow<'static, str>,
     /// Kind of its artifact.
-    pub kind: &'static str,
+    pub kind: Cow<'static, str>,
     /// Positions of the tasks that it reads.
     pub inputs: Vec<usize>,
     /// What would become of it.
@@ -100,8 +101,8 @@ fn planned(graph: &Graph, ledger: &mut Ledger, task: usize) -> PlannedTask {
     PlannedTask {
         name: of.name.clone(),
         role: of.role(),
-        stage: node.spec.name,
-        kind: node.spec.output.name,
+        stage: node.spec.name.clone(),
+        kind: node.spec.output.name.clone(),
         inputs: of.reads.clone(),
         state,
         key: ledger.keys[task],

@@ -2,55 +2,55 @@
 
 use serde_json::{Map, Value, json};
 
-use super::stage::{Arity, Entry, MapSource, Port, Register};
+use super::stage::{Arity, Entry, Port, Register, Section};
+
+/// What a reference looks like.
+const REFERENCE: &str = r"^\$?[A-Za-z_][A-Za-z0-9_-]*(\.[A-Za-z_][A-Za-z0-9_-]*)?$";
 
 /// Returns the schema of a whole pipeline file.
 #[must_use]
 pub fn schema(register: &Register) -> Value {
     let mut definitions = Map::new();
     let uses: Vec<Value> = register.stages.iter().map(|entry| stage_schema(entry, &mut definitions)).collect();
-    let source = source_schema(register.maps, &mut definitions);
-    definitions.insert("mapSource".to_owned(), source);
     definitions.insert("stage".to_owned(), json!({ "oneOf": uses }));
+    let mut properties = Map::new();
+    let name = json!({
+        "type": "string",
+        "pattern": "^[A-Za-z_][A-Za-z0-9_-]*$",
+        "description": "Name of the pipeline; by default that of its file."
+    });
+    properties.insert("name".to_owned(), name);
+    let doc = "What every stage that draws random numbers starts from, unless it names a seed of its own [0].";
+    properties.insert("seed".to_owned(), seed_schema(doc));
+    for section in &register.sections {
+        properties.insert(section.key.to_string(), section_schema(section, &mut definitions));
+    }
+    let stages = json!({
+        "type": "object",
+        "description": "Named uses of stages; a port takes `$SECTION`, `$SECTION.GROUP`, `STAGE` or `STAGE.GROUP`.",
+        "additionalProperties": { "$ref": "#/definitions/stage" }
+    });
+    properties.insert("stages".to_owned(), stages);
     json!({
         "$schema": "http://json-schema.org/draft-07/schema#",
         "title": "trodden pipeline",
         "type": "object",
         "required": ["stages"],
-        "properties": {
-            "name": {
-                "type": "string",
-                "pattern": "^[A-Za-z_][A-Za-z0-9_-]*$",
-                "description": "Name of the pipeline; by default that of its file."
-            },
-            "seed": seed_schema("What every stage that draws random numbers starts from, unless it names a seed of its own [0]."),
-            "maps": {
-                "type": "object",
-                "description": "Named groups of maps, for `$maps.GROUP`; `$maps` are all of them.",
-                "additionalProperties": {
-                    "anyOf": [
-                        { "$ref": "#/definitions/mapSource" },
-                        { "type": "array", "items": { "$ref": "#/definitions/mapSource" }, "minItems": 1 }
-                    ]
-                }
-            },
-            "stages": {
-                "type": "object",
-                "description": "Named uses of stages; a port takes `$maps`, `$maps.GROUP`, `STAGE` or `STAGE.GROUP`.",
-                "additionalProperties": { "$ref": "#/definitions/stage" }
-            }
-        },
+        "properties": properties,
         "definitions": definitions
     })
 }
 
 /// Returns the schema of one use of a stage.
 fn stage_schema(entry: &Entry, definitions: &mut Map<String, Value>) -> Value {
-    let mut own = adopt((entry.schema)(), entry.spec.name, definitions);
+    let mut own = adopt(entry.schema(), &entry.spec.name, definitions);
     let mut properties = Map::new();
     properties.insert("use".to_owned(), json!({ "const": entry.spec.name, "description": entry.spec.doc }));
-    for port in entry.spec.ports {
-        properties.insert(port.name.to_owned(), port_schema(port));
+    for port in &entry.spec.ports {
+        properties.insert(port.name.to_string(), port_schema(port));
+    }
+    if entry.spec.open {
+        properties.insert("inputs".to_owned(), inputs_schema());
     }
     if let Some(Value::Object(parameters)) = own.get_mut("properties").map(Value::take) {
         properties.extend(parameters);
@@ -81,7 +81,7 @@ fn seed_schema(doc: &str) -> Value {
 }
 
 fn port_schema(port: &Port) -> Value {
-    let takes = match port.arity {
+    let takes = match &port.arity {
         Arity::One => format!("{} Takes {}.", port.doc, port.kind),
         Arity::Optional => format!("{} Takes {}; may be left out.", port.doc, port.kind),
         Arity::Group => format!("{} Takes {} of a whole group.", port.doc, port.kind),
@@ -90,24 +90,62 @@ fn port_schema(port: &Port) -> Value {
             format!("{} Takes {} of a whole group; in the place of `{other}`.", port.doc, port.kind)
         }
     };
-    let pattern = r"^(\$maps|[A-Za-z_][A-Za-z0-9_-]*)(\.[A-Za-z_][A-Za-z0-9_-]*)?$";
-    json!({ "type": "string", "pattern": pattern, "description": takes })
+    json!({ "type": "string", "pattern": REFERENCE, "description": takes })
 }
 
-fn source_schema(sources: &[MapSource], definitions: &mut Map<String, Value>) -> Value {
+fn inputs_schema() -> Value {
+    let one = json!({ "type": "string", "pattern": REFERENCE });
+    json!({
+        "type": "object",
+        "description": "Its inputs by name: one artifact at a time, or with `all` those of a whole group.",
+        "additionalProperties": {
+            "anyOf": [
+                one,
+                { "type": "object", "required": ["all"], "properties": { "all": one }, "additionalProperties": false }
+            ]
+        }
+    })
+}
+
+/// Returns the schema of a section: groups of entries of its sources.
+fn section_schema(section: &Section, definitions: &mut Map<String, Value>) -> Value {
     let mut properties = Map::new();
-    for source in sources {
-        let mut schema = adopt((source.schema)(), source.name, definitions);
+    for source in &section.sources {
+        let mut schema = adopt(source.schema(), &source.name, definitions);
         if let Value::Object(schema) = &mut schema {
             schema.insert("description".to_owned(), json!(source.doc));
             if let (true, Some(Value::Object(properties))) = (source.seeded, schema.get_mut("properties")) {
-                let doc = "What these maps are drawn from, in place of the pipeline's seed.";
+                let doc = "What these are drawn from, in place of the pipeline's seed.";
                 properties.insert("seed".to_owned(), seed_schema(doc));
             }
         }
-        properties.insert(source.name.to_owned(), schema);
+        properties.insert(source.name.to_string(), schema);
     }
-    json!({ "type": "object", "properties": properties, "additionalProperties": false, "minProperties": 1 })
+    let fold_number = json!({ "type": "integer", "minimum": 0 });
+    let fold = json!({
+        "type": "object",
+        "description": "A part of a group above, whose members are dealt out by name: a fold, or all but that fold.",
+        "required": ["of", "folds"],
+        "properties": {
+            "of": { "type": "string" },
+            "folds": { "type": "integer", "minimum": 2 },
+            "take": fold_number,
+            "leave": fold_number
+        },
+        "oneOf": [{ "required": ["take"] }, { "required": ["leave"] }],
+        "additionalProperties": false
+    });
+    properties.insert("fold".to_owned(), fold);
+    let entry =
+        json!({ "type": "object", "properties": properties, "additionalProperties": false, "minProperties": 1 });
+    let name = format!("{}Source", section.noun);
+    let reference = json!({ "$ref": format!("#/definitions/{name}") });
+    definitions.insert(name, json!({ "anyOf": [entry, { "type": "string" }] }));
+    json!({
+        "type": "object",
+        "description": format!("Named groups of {0}s, for `${1}.GROUP`; `${1}` are all of them.", section.noun, section.key),
+        "additionalProperties": { "anyOf": [reference, { "type": "array", "items": reference, "minItems": 1 }] }
+    })
 }
 
 /// Turns a schema of its own into a part of another: its definitions move there under names of their own, and what newer

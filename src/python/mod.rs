@@ -43,7 +43,7 @@ mod _trodden {
     /// Runs the command with its arguments, the program's name first, and returns its exit code.
     #[pyfunction]
     fn main(py: Python<'_>, arguments: Vec<OsString>) -> u8 {
-        let code = py.detach(|| crate::cli::main(arguments));
+        let code = py.detach(|| crate::cli::main(&crate::stages::register(), arguments));
         // The standard library compares exit codes, but does not say them.
         (0..=u8::MAX).find(|number| ExitCode::from(*number) == code).expect("an exit code has one of these numbers")
     }

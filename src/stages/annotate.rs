@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::Path;
 use std::sync::Arc;
 
 use serde_json::Value;
@@ -16,6 +15,7 @@ use crate::domain::unet::{Compute, Network};
 use crate::kinds::{Checkpoint, CheckpointConfig, Heat, Model, Placed, outline};
 use crate::pipeline::stage::{
     Arity, Context, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Stage, StageError, StageSpec,
+    Surroundings,
 };
 use crate::store::Store;
 
@@ -28,23 +28,25 @@ pub struct Annotate(AnnotateConfig);
 
 impl Annotate {
     /// What is the same for every use.
-    pub const SPEC: StageSpec = StageSpec {
-        name: "annotate",
-        version: 4,
-        ports: &[
-            Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to annotate." },
-            Port { name: "model", kind: "Checkpoint", arity: Arity::One, doc: "The trained network." },
-        ],
-        output: kind::<Placed<Heat>>(),
-        seeded: false,
-        doc: "Predicts how often each cell of a map is visited (algorithm 1, appendix D).",
-    };
+    pub fn spec() -> StageSpec {
+        StageSpec::new(
+            "annotate",
+            4,
+            vec![
+                Port::new("map", "OccupancyMap", Arity::One, "The map to annotate."),
+                Port::new("model", "Checkpoint", Arity::One, "The trained network."),
+            ],
+            kind::<Placed<Heat>>(),
+            "Predicts how often each cell of a map is visited (algorithm 1, appendix D).",
+        )
+    }
 
     /// The line of the register.
-    pub(super) const ENTRY: Entry =
-        Entry { spec: &Self::SPEC, parse: Self::parse, schema: super::schema::<AnnotateFields> };
+    pub(super) fn entry() -> Entry {
+        Entry::new(Self::spec(), Self::parse, super::schema::<AnnotateFields>)
+    }
 
-    fn parse(value: &Value, _: &Path) -> Result<Arc<dyn Stage>, ParameterError> {
+    fn parse(value: &Value, _: &Surroundings) -> Result<Arc<dyn Stage>, ParameterError> {
         let fields: AnnotateFields = super::parse(value)?;
         let config = AnnotateConfig::try_from(fields)
             .map_err(|error| ParameterError { help: advice(&error), ..super::refused_setting(&error) })?;

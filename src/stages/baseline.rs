@@ -11,7 +11,7 @@ use crate::pipeline::stage::{Arity, Context, Inputs, Needs, Output, Port, StageE
 use crate::store::{Digest, Store};
 
 /// The port of the map.
-pub(super) const MAP: Port = Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to tell of." };
+pub(super) const MAP: Port = Port::new("map", "OccupancyMap", Arity::One, "The map to tell of.");
 
 /// Reads the map.
 pub(super) fn map(inputs: &Inputs, context: &Context) -> Result<(OccupancyMap, Digest), StageError> {

@@ -17,15 +17,16 @@ use crate::store::Store;
 pub struct Betweenness(BetweennessConfig);
 
 impl Definition for Betweenness {
-    const SPEC: StageSpec = StageSpec {
-        name: "betweenness",
-        version: 1,
-        ports: &[baseline::MAP],
-        output: kind::<Placed<Heat>>(),
-        seeded: true,
-        doc: "Ranks the cells of a map by how many shortest paths, or ways that people like, lead over them (betweenness centrality, the paper's \
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "betweenness",
+            1,
+            vec![baseline::MAP],
+            kind::<Placed<Heat>>(),
+            "Ranks the cells of a map by how many shortest paths, or ways that people like, lead over them (betweenness centrality, the paper's \
               reference 7): a baseline for predictions.",
-    };
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

@@ -21,25 +21,26 @@ use crate::store::Store;
 pub struct Cost(CostConfig);
 
 impl Definition for Cost {
-    const SPEC: StageSpec = StageSpec {
-        name: "cost",
-        version: 3,
-        ports: &[
-            Port { name: "trips", kind: "NavEpisodes", arity: Arity::One, doc: "Robots among pedestrians." },
-            Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "The prediction for the same map." },
-            Port {
-                name: "visits",
-                kind: "VisitCounts",
-                arity: Arity::Optional,
-                doc: "Visits of other episodes on the same map: the oracle that a prediction is held against.",
-            },
-        ],
-        output: kind::<SocialCosts>(),
-        seeded: true,
-        doc: "Compares true and predicted social costs of robots' paths (equations 2 and 3, section V-B) in order, and where \
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "cost",
+            3,
+            vec![
+                Port::new("trips", "NavEpisodes", Arity::One, "Robots among pedestrians."),
+                Port::new("heat", "Heat", Arity::One, "The prediction for the same map."),
+                Port::new(
+                    "visits",
+                    "VisitCounts",
+                    Arity::Optional,
+                    "Visits of other episodes on the same map: the oracle that a prediction is held against.",
+                ),
+            ],
+            kind::<SocialCosts>(),
+            "Compares true and predicted social costs of robots' paths (equations 2 and 3, section V-B) in order, and where \
               the prediction tells the density of people in size, beside those of a constant heat and of visits on the same \
               map.",
-    };
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

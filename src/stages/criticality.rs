@@ -17,15 +17,16 @@ use crate::store::Store;
 pub struct Criticality(CriticalityConfig);
 
 impl Definition for Criticality {
-    const SPEC: StageSpec = StageSpec {
-        name: "criticality",
-        version: 1,
-        ports: &[baseline::MAP],
-        output: kind::<Placed<Heat>>(),
-        seeded: true,
-        doc: "Ranks the cells of a map by how many shortest paths of a few meters lead over them (local criticality, after \
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "criticality",
+            1,
+            vec![baseline::MAP],
+            kind::<Placed<Heat>>(),
+            "Ranks the cells of a map by how many shortest paths of a few meters lead over them (local criticality, after \
               the paper's reference 10): a baseline for predictions.",
-    };
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

@@ -1,6 +1,5 @@
 //! What all stages have in common: parameters that are the stage itself, reading inputs and writing the output.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use schemars::JsonSchema;
@@ -11,15 +10,20 @@ use serde_json::Value;
 
 use crate::domain::geometry::Frame;
 use crate::kinds::{Kind, KindError, Written};
-use crate::pipeline::stage::{Context, Entry, KindSpec, Needs, Output, ParameterError, Stage, StageError, StageSpec};
+use crate::pipeline::stage::{
+    Context, Entry, KindSpec, Needs, Output, ParameterError, Stage, StageError, StageSpec, Surroundings,
+};
 use crate::store::{Artifact, Digest};
 
 /// A stage that is its own parameters.
 pub(super) trait Definition: Stage + Serialize + DeserializeOwned + JsonSchema + 'static {
-    const SPEC: StageSpec;
+    /// Returns what is the same for every use.
+    fn spec() -> StageSpec;
 
     /// The line of the register.
-    const ENTRY: Entry = Entry { spec: &Self::SPEC, parse: parse_stage::<Self>, schema: schema::<Self> };
+    fn entry() -> Entry {
+        Entry::new(Self::spec(), parse_stage::<Self>, schema::<Self>)
+    }
 
     /// Checks what types cannot say.
     ///
@@ -30,7 +34,7 @@ pub(super) trait Definition: Stage + Serialize + DeserializeOwned + JsonSchema +
     }
 }
 
-fn parse_stage<S: Definition>(value: &Value, _: &Path) -> Result<Arc<dyn Stage>, ParameterError> {
+fn parse_stage<S: Definition>(value: &Value, _: &Surroundings) -> Result<Arc<dyn Stage>, ParameterError> {
     let stage: S = parse(value)?;
     stage.check()?;
     Ok(Arc::new(stage))
@@ -67,7 +71,7 @@ pub(super) fn to_json(parameters: &impl Serialize) -> Value {
 
 /// A kind as the pipeline sees it.
 pub(super) const fn kind<K: Kind>() -> KindSpec {
-    KindSpec { name: K::NAME, format: K::FORMAT, extension: K::EXTENSION }
+    KindSpec::new(K::NAME, K::FORMAT, K::EXTENSION)
 }
 
 /// What a part asks for that holds so many bytes of its own, beside what every part does.

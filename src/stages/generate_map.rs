@@ -9,14 +9,15 @@ use crate::domain::map::OccupancyMap;
 use crate::pipeline::stage::{Context, Inputs, Output, Part, Stage, StageError, StageSpec};
 
 /// What is the same for every generated map.
-pub const SPEC: StageSpec = StageSpec {
-    name: "generate-map",
-    version: 1,
-    ports: &[],
-    output: kind::<OccupancyMap>(),
-    seeded: true,
-    doc: "Draws a furnished building from the seed of the pipeline and a number.",
-};
+pub fn spec() -> StageSpec {
+    StageSpec::seeded(
+        "generate-map",
+        1,
+        vec![],
+        kind::<OccupancyMap>(),
+        "Draws a furnished building from the seed of the pipeline and a number.",
+    )
+}
 
 /// How maps are drawn.
 #[derive(Debug, Clone)]

@@ -18,15 +18,16 @@ use crate::store::Store;
 pub struct HideRooms(HideConfig);
 
 impl Definition for HideRooms {
-    const SPEC: StageSpec = StageSpec {
-        name: "hide-rooms",
-        version: 1,
-        ports: &[baseline::MAP],
-        output: kind::<Placed<VisitCounts>>(),
-        seeded: true,
-        doc: "Draws rooms that nobody looks into, and counts 1 on all other free cells: for the ports `watched` of `tile` and \
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "hide-rooms",
+            1,
+            vec![baseline::MAP],
+            kind::<Placed<VisitCounts>>(),
+            "Draws rooms that nobody looks into, and counts 1 on all other free cells: for the ports `watched` of `tile` and \
               `score`, to see what is told of places of which nothing is known (section V-A).",
-    };
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|message| refused("share", message))

@@ -21,14 +21,15 @@ const MOST_YAML: u64 = 1 << 20;
 const MOST_PLAN: u64 = 1 << 26;
 
 /// What is the same for every imported map.
-pub const SPEC: StageSpec = StageSpec {
-    name: "import-map",
-    version: 3,
-    ports: &[],
-    output: kind::<OccupancyMap>(),
-    seeded: false,
-    doc: "Reads a map of ROS `map_server`, a plain image, an iGibson scene or a floor plan, and makes cells of it.",
-};
+pub fn spec() -> StageSpec {
+    StageSpec::new(
+        "import-map",
+        3,
+        vec![],
+        kind::<OccupancyMap>(),
+        "Reads a map of ROS `map_server`, a plain image, an iGibson scene or a floor plan, and makes cells of it.",
+    )
+}
 
 /// One map to import.
 #[derive(Debug, Clone)]

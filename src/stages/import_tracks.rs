@@ -15,7 +15,7 @@ use crate::domain::tracks::Tracks;
 use crate::kinds::{Placed, TrackWriter, chunk_files, recorded_rows};
 use crate::pipeline::stage::{
     Arity, Context, Division, Entry, Inputs, Needs, Output, ParameterError, Part, Port, Source, Stage, StageError,
-    StageSpec,
+    StageSpec, Surroundings,
 };
 use crate::store::{Artifact, Store, open_regular, read_bounded};
 
@@ -62,19 +62,23 @@ pub struct ImportTracks {
 
 impl ImportTracks {
     /// What is the same for every use.
-    pub const SPEC: StageSpec = StageSpec {
-        name: "import-tracks",
-        version: 1,
-        ports: &[Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map that people walked on." }],
-        output: kind::<Placed<Tracks>>(),
-        seeded: false,
-        doc: "Reads people who were recorded on a map: what follows works as with simulated ones.",
-    };
+    pub fn spec() -> StageSpec {
+        StageSpec::new(
+            "import-tracks",
+            1,
+            vec![Port::new("map", "OccupancyMap", Arity::One, "The map that people walked on.")],
+            kind::<Placed<Tracks>>(),
+            "Reads people who were recorded on a map: what follows works as with simulated ones.",
+        )
+    }
 
     /// The line of the register.
-    pub(super) const ENTRY: Entry = Entry { spec: &Self::SPEC, parse: Self::parse, schema: super::schema::<Fields> };
+    pub(super) fn entry() -> Entry {
+        Entry::new(Self::spec(), Self::parse, super::schema::<Fields>)
+    }
 
-    fn parse(value: &Value, folder: &Path) -> Result<Arc<dyn Stage>, ParameterError> {
+    fn parse(value: &Value, surroundings: &Surroundings) -> Result<Arc<dyn Stage>, ParameterError> {
+        let folder = surroundings.folder;
         let Fields { file, recording: config } = super::parse(value)?;
         config.check().map_err(|error| refused(&error, &config))?;
         let (files, is_list) = match file {

@@ -17,15 +17,16 @@ use crate::store::Store;
 pub struct Isovist(IsovistConfig);
 
 impl Definition for Isovist {
-    const SPEC: StageSpec = StageSpec {
-        name: "isovist",
-        version: 1,
-        ports: &[baseline::MAP],
-        output: kind::<Placed<Heat>>(),
-        seeded: true,
-        doc: "Lets agents walk who know no goals and turn to places that they see (exosomatic visual architecture, Penn and \
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "isovist",
+            1,
+            vec![baseline::MAP],
+            kind::<Placed<Heat>>(),
+            "Lets agents walk who know no goals and turn to places that they see (exosomatic visual architecture, Penn and \
               Turner 2001), and counts where they are: a baseline for predictions.",
-    };
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

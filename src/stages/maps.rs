@@ -14,46 +14,30 @@ use super::{parse, schema};
 use crate::domain::homes::buildings::BuildingConfig;
 use crate::domain::homes::{HomeConfig, HomeKind};
 use crate::domain::map::{ImportConfig, MapForm, MapImportError, igibson_floor};
-use crate::pipeline::stage::{MapNode, MapSource, ParameterError, StageError};
+use crate::pipeline::stage::{ParameterError, Section, SourceNode, SourceType, StageError, StageSpec, Surroundings};
 
-/// All sources.
-pub const SOURCES: &[MapSource] = &[
-    MapSource {
-        name: "homes",
-        doc: "Generated homes `home_00`, `home_01`, …",
-        seeded: true,
-        expand: |value, _| homes(value, HomeKind::Home, "home"),
-        schema: homes_schema,
-    },
-    MapSource {
-        name: "offices",
-        doc: "Generated offices `office_00`, `office_01`, …",
-        seeded: true,
-        expand: |value, _| homes(value, HomeKind::Office, "office"),
-        schema: homes_schema,
-    },
-    MapSource {
-        name: "buildings",
-        doc: "Generated buildings `building_00`, `building_01`, … of many kinds, as maps or scans show them.",
-        seeded: true,
-        expand: |value, _| buildings(value),
-        schema: buildings_schema,
-    },
-    MapSource {
-        name: "files",
-        doc: "Maps of ROS `map_server` (their YAML files), plain images and floor plans (buildings of Open-RMF, DXF, SVG, WKT, GeoJSON), by path or glob.",
-        seeded: false,
-        expand: |value, folder| files(value, folder, MapForm::Ros),
-        schema: files_schema,
-    },
-    MapSource {
-        name: "igibson",
-        doc: "Folders of iGibson scenes, by path or glob; what else matches a glob is passed over.",
-        seeded: false,
-        expand: |value, folder| files(value, folder, MapForm::Igibson),
-        schema: files_schema,
-    },
-];
+/// The section `maps:`.
+pub(super) fn section() -> Section {
+    let files_doc = "Maps of ROS `map_server` (their YAML files), plain images and floor plans (buildings of Open-RMF, DXF, \
+                     SVG, WKT, GeoJSON), by path or glob.";
+    let igibson_doc = "Folders of iGibson scenes, by path or glob; what else matches a glob is passed over.";
+    let buildings_doc =
+        "Generated buildings `building_00`, `building_01`, … of many kinds, as maps or scans show them.";
+    let drawn = |name, doc, kind, prefix| {
+        let expand = move |value: &Value, _: &Surroundings| homes(value, kind, prefix);
+        SourceType::new(name, doc, expand, homes_schema).seeded()
+    };
+    let filed = |name, doc, form| {
+        let expand = move |value: &Value, surroundings: &Surroundings| files(value, surroundings.folder, form);
+        SourceType::new(name, doc, expand, files_schema)
+    };
+    Section::new("maps", "map", "files")
+        .with(drawn("homes", "Generated homes `home_00`, `home_01`, …", HomeKind::Home, "home"))
+        .with(drawn("offices", "Generated offices `office_00`, `office_01`, …", HomeKind::Office, "office"))
+        .with(SourceType::new("buildings", buildings_doc, |value, _| buildings(value), buildings_schema).seeded())
+        .with(filed("files", files_doc, MapForm::Ros))
+        .with(filed("igibson", igibson_doc, MapForm::Igibson))
+}
 
 /// What helps when a file is not there.
 const RELATIVE: &str = "a relative path starts at the folder of the file that names it";
@@ -69,7 +53,7 @@ struct Series {
     first: u32,
 }
 
-fn homes(value: &Value, of: HomeKind, prefix: &str) -> Result<Vec<MapNode>, ParameterError> {
+fn homes(value: &Value, of: HomeKind, prefix: &str) -> Result<Vec<SourceNode>, ParameterError> {
     let (series, settings) = series(value)?;
     let mut config: HomeConfig = parse(&settings)?;
     config.kind = of;
@@ -77,7 +61,7 @@ fn homes(value: &Value, of: HomeKind, prefix: &str) -> Result<Vec<MapNode>, Para
     series.nodes(prefix, &Drawing::Home(config))
 }
 
-fn buildings(value: &Value) -> Result<Vec<MapNode>, ParameterError> {
+fn buildings(value: &Value) -> Result<Vec<SourceNode>, ParameterError> {
     let (series, settings) = series(value)?;
     let config: BuildingConfig = parse(&settings)?;
     config.check().map_err(|error| super::refused_setting(&error))?;
@@ -95,14 +79,15 @@ fn series(value: &Value) -> Result<(Series, Value), ParameterError> {
 }
 
 impl Series {
-    fn nodes(&self, prefix: &str, drawing: &Drawing) -> Result<Vec<MapNode>, ParameterError> {
+    fn nodes(&self, prefix: &str, drawing: &Drawing) -> Result<Vec<SourceNode>, ParameterError> {
         if !(1..=100_000).contains(&self.count) {
             return Err(super::refused("count", format!("`count` is {}, allowed are 1 to 100,000", self.count)));
         }
         let last = self.first.checked_add(self.count).ok_or_else(|| super::refused("first", "`first` is too large"))?;
-        let node = |number: u32| MapNode {
+        let spec = Arc::new(generate_map::spec());
+        let node = |number: u32| SourceNode {
             name: format!("{prefix}_{number:02}"),
-            spec: &generate_map::SPEC,
+            spec: Arc::clone(&spec),
             stage: Arc::new(GenerateMap::new(number, drawing.clone())),
         };
         Ok((self.first..last).map(node).collect())
@@ -133,7 +118,7 @@ fn series_schema(mut whole: Value) -> Value {
 }
 
 /// One path, many, or paths with the way to read them.
-fn files(value: &Value, folder: &Path, form: MapForm) -> Result<Vec<MapNode>, ParameterError> {
+fn files(value: &Value, folder: &Path, form: MapForm) -> Result<Vec<SourceNode>, ParameterError> {
     let (paths, config) = match value {
         Value::Object(object) => {
             let mut rest = object.clone();
@@ -151,10 +136,11 @@ fn files(value: &Value, folder: &Path, form: MapForm) -> Result<Vec<MapNode>, Pa
         }
     };
     let (mut nodes, mut forms) = (Vec::new(), Vec::new());
+    let spec = Arc::new(import_map::spec());
     for (at, pattern) in patterns.iter().enumerate() {
         let found = matching(pattern, folder, form);
         for path in found.map_err(|message| placed(at, value, message, Some(relative(pattern))))? {
-            let node = node(&path, &config, &mut forms);
+            let node = node(&path, &config, &spec, &mut forms);
             nodes.push(node.map_err(|error| refused_file(at, value, pattern, error))?);
         }
     }
@@ -162,12 +148,17 @@ fn files(value: &Value, folder: &Path, form: MapForm) -> Result<Vec<MapNode>, Pa
     Ok(nodes)
 }
 
-fn node(path: &Path, config: &ImportConfig, forms: &mut Vec<MapForm>) -> Result<MapNode, StageError> {
+fn node(
+    path: &Path,
+    config: &ImportConfig,
+    spec: &Arc<StageSpec>,
+    forms: &mut Vec<MapForm>,
+) -> Result<SourceNode, StageError> {
     let origin = Origin::of(path, config)?;
     forms.push(origin.form());
     let name = origin.map_name();
     let stage = ImportMap::new(origin, config.clone())?;
-    Ok(MapNode { name, spec: &import_map::SPEC, stage: Arc::new(stage) })
+    Ok(SourceNode { name, spec: Arc::clone(spec), stage: Arc::new(stage) })
 }
 
 /// Refuses a setting that none of the maps has a use for.

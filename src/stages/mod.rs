@@ -1,6 +1,6 @@
 //! Join. Each stage reads artifacts, lets the domain compute, and writes one artifact.
 //!
-//! Adding a stage means one file here and one line in [`REGISTER`].
+//! Adding a stage means one file here and one line in [`register`].
 
 pub mod annotate;
 mod baseline;
@@ -40,28 +40,29 @@ use definition::{
     Definition, kind, kind_failed, memory, parse, read, refused, refused_setting, same_frame, schema, to_json, write,
 };
 
-/// All stages and map sources.
-pub const REGISTER: Register = Register {
-    stages: &[
-        simulate::Simulate::ENTRY,
-        import_tracks::ImportTracks::ENTRY,
-        rasterize::Rasterize::ENTRY,
-        hide_rooms::HideRooms::ENTRY,
-        quantize::Quantize::ENTRY,
-        tile::Tile::ENTRY,
-        train::Train::ENTRY,
-        annotate::Annotate::ENTRY,
-        rank::Rank::ENTRY,
-        update::Update::ENTRY,
-        wall_distance::WallDistance::ENTRY,
-        betweenness::Betweenness::ENTRY,
-        criticality::Criticality::ENTRY,
-        isovist::Isovist::ENTRY,
-        uniform::Uniform::ENTRY,
-        score::Score::ENTRY,
-        navigate::Navigate::ENTRY,
-        cost::Cost::ENTRY,
-        plan_paths::PlanPaths::ENTRY,
-    ],
-    maps: maps::SOURCES,
-};
+/// All stages, sources and kinds.
+#[must_use]
+pub fn register() -> Register {
+    let stages = vec![
+        simulate::Simulate::entry(),
+        import_tracks::ImportTracks::entry(),
+        rasterize::Rasterize::entry(),
+        hide_rooms::HideRooms::entry(),
+        quantize::Quantize::entry(),
+        tile::Tile::entry(),
+        train::Train::entry(),
+        annotate::Annotate::entry(),
+        rank::Rank::entry(),
+        update::Update::entry(),
+        wall_distance::WallDistance::entry(),
+        betweenness::Betweenness::entry(),
+        criticality::Criticality::entry(),
+        isovist::Isovist::entry(),
+        uniform::Uniform::entry(),
+        score::Score::entry(),
+        navigate::Navigate::entry(),
+        cost::Cost::entry(),
+        plan_paths::PlanPaths::entry(),
+    ];
+    Register { stages, sections: vec![maps::section()], kinds: Vec::new() }
+}

@@ -58,14 +58,15 @@ impl Navigate {
 }
 
 impl Definition for Navigate {
-    const SPEC: StageSpec = StageSpec {
-        name: "navigate",
-        version: 2,
-        ports: &[Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to walk on." }],
-        output: kind::<Placed<NavEpisodes>>(),
-        seeded: true,
-        doc: "Simulates episodes of one robot among more than four pedestrians (sections III and V-B).",
-    };
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "navigate",
+            2,
+            vec![Port::new("map", "OccupancyMap", Arity::One, "The map to walk on.")],
+            kind::<Placed<NavEpisodes>>(),
+            "Simulates episodes of one robot among more than four pedestrians (sections III and V-B).",
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         if !(1..=100_000).contains(&self.episodes) {

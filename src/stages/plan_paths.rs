@@ -81,25 +81,26 @@ fn delta() -> Meters {
 }
 
 impl Definition for PlanPaths {
-    const SPEC: StageSpec = StageSpec {
-        name: "plan-paths",
-        version: 1,
-        ports: &[
-            Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to plan on." },
-            Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "Where people are, as somebody predicts it." },
-            Port {
-                name: "steps",
-                kind: "VisitCounts",
-                arity: Arity::Optional,
-                doc: "Positions of other episodes on the same map (`rasterize` with `count: steps`): the oracle that the \
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "plan-paths",
+            1,
+            vec![
+                Port::new("map", "OccupancyMap", Arity::One, "The map to plan on."),
+                Port::new("heat", "Heat", Arity::One, "Where people are, as somebody predicts it."),
+                Port::new(
+                    "steps",
+                    "VisitCounts",
+                    Arity::Optional,
+                    "Positions of other episodes on the same map (`rasterize` with `count: steps`): the oracle that the \
                       prediction is held against.",
-            },
-        ],
-        output: kind::<Placed<Trials>>(),
-        seeded: true,
-        doc: "Plans paths with little social cost between places of a map (eq. 1), and sends robots along them, and along \
+                ),
+            ],
+            kind::<Placed<Trials>>(),
+            "Plans paths with little social cost between places of a map (eq. 1), and sends robots along them, and along \
               shortest ones and others, through the same simulated people.",
-    };
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         for (field, value) in [("pairs", self.pairs), ("episodes", self.episodes)] {

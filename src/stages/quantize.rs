@@ -20,17 +20,18 @@ use crate::store::Store;
 pub struct Quantize(QuantizeConfig);
 
 impl Definition for Quantize {
-    const SPEC: StageSpec = StageSpec {
-        name: "quantize",
-        version: 1,
-        ports: &[
-            Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map that the counts lie on." },
-            Port { name: "visits", kind: "VisitCounts", arity: Arity::One, doc: "The counts to bin." },
-        ],
-        output: kind::<Placed<Labels>>(),
-        seeded: false,
-        doc: "Normalizes visit counts and bins them into classes (section IV-A).",
-    };
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "quantize",
+            1,
+            vec![
+                Port::new("map", "OccupancyMap", Arity::One, "The map that the counts lie on."),
+                Port::new("visits", "VisitCounts", Arity::One, "The counts to bin."),
+            ],
+            kind::<Placed<Labels>>(),
+            "Normalizes visit counts and bins them into classes (section IV-A).",
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

@@ -17,30 +17,26 @@ use crate::store::{Artifact, Store};
 pub struct Rank {}
 
 impl Definition for Rank {
-    const SPEC: StageSpec = StageSpec {
-        name: "rank",
-        version: 2,
-        ports: &[
-            baseline::MAP,
-            Port {
-                name: "visits",
-                kind: "VisitCounts",
-                arity: Arity::One,
-                doc: "The visits of that map, to be ranked.",
-            },
-            Port {
-                name: "steps",
-                kind: "VisitCounts",
-                arity: Arity::Optional,
-                doc: "The same with `count: steps`: the density of people.",
-            },
-        ],
-        output: kind::<Placed<Heat>>(),
-        seeded: false,
-        doc: "Turns visits of a map into a heat: the share of the free floor that is visited less, the density of people \
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "rank",
+            2,
+            vec![
+                baseline::MAP,
+                Port::new("visits", "VisitCounts", Arity::One, "The visits of that map, to be ranked."),
+                Port::new(
+                    "steps",
+                    "VisitCounts",
+                    Arity::Optional,
+                    "The same with `count: steps`: the density of people.",
+                ),
+            ],
+            kind::<Placed<Heat>>(),
+            "Turns visits of a map into a heat: the share of the free floor that is visited less, the density of people \
               where steps are counted, and the direction of flow where visits have it. Simulating the very map is what a \
               prediction can hardly beat.",
-    };
+        )
+    }
 }
 
 impl Stage for Rank {

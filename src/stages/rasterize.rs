@@ -19,17 +19,18 @@ use crate::store::Store;
 pub struct Rasterize(RasterConfig);
 
 impl Definition for Rasterize {
-    const SPEC: StageSpec = StageSpec {
-        name: "rasterize",
-        version: 2,
-        ports: &[
-            Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map that the tracks lie on." },
-            Port { name: "walks", kind: "Trajectories", arity: Arity::One, doc: "The tracks to count." },
-        ],
-        output: kind::<Placed<VisitCounts>>(),
-        seeded: false,
-        doc: "Counts for each free cell the paths whose disc swept it (section IV-A).",
-    };
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "rasterize",
+            2,
+            vec![
+                Port::new("map", "OccupancyMap", Arity::One, "The map that the tracks lie on."),
+                Port::new("walks", "Trajectories", Arity::One, "The tracks to count."),
+            ],
+            kind::<Placed<VisitCounts>>(),
+            "Counts for each free cell the paths whose disc swept it (section IV-A).",
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

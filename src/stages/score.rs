@@ -33,36 +33,37 @@ enum Cells {
 }
 
 impl Definition for Score {
-    const SPEC: StageSpec = StageSpec {
-        name: "score",
-        version: 4,
-        ports: &[
-            Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "The prediction." },
-            Port { name: "labels", kind: "Labels", arity: Arity::Optional, doc: "The truth in classes." },
-            Port {
-                name: "visits",
-                kind: "VisitCounts",
-                arity: Arity::Optional,
-                doc: "The truth in counts: what all figures of the whole floor are held against.",
-            },
-            Port {
-                name: "model",
-                kind: "Checkpoint",
-                arity: Arity::Optional,
-                doc: "The model that the prediction is of: its class weights scale the confusion matrix (fig. 2).",
-            },
-            Port {
-                name: "watched",
-                kind: "VisitCounts",
-                arity: Arity::Optional,
-                doc: "Where somebody looked: only cells above 0 count, or only the others (`cells: unwatched`).",
-            },
-        ],
-        output: kind::<ClassScores>(),
-        seeded: false,
-        doc: "Scores a prediction against visits, labels or both: rank correlations, AUC, divergence, likelihood of directions and earth mover's \
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "score",
+            4,
+            vec![
+                Port::new("heat", "Heat", Arity::One, "The prediction."),
+                Port::new("labels", "Labels", Arity::Optional, "The truth in classes."),
+                Port::new(
+                    "visits",
+                    "VisitCounts",
+                    Arity::Optional,
+                    "The truth in counts: what all figures of the whole floor are held against.",
+                ),
+                Port::new(
+                    "model",
+                    "Checkpoint",
+                    Arity::Optional,
+                    "The model that the prediction is of: its class weights scale the confusion matrix (fig. 2).",
+                ),
+                Port::new(
+                    "watched",
+                    "VisitCounts",
+                    Arity::Optional,
+                    "Where somebody looked: only cells above 0 count, or only the others (`cells: unwatched`).",
+                ),
+            ],
+            kind::<ClassScores>(),
+            "Scores a prediction against visits, labels or both: rank correlations, AUC, divergence, likelihood of directions and earth mover's \
               distance with intervals by a spatial block bootstrap; confusion matrix, IoU, recall, kappa (section V-A).",
-    };
+        )
+    }
 }
 
 impl Stage for Score {

@@ -34,14 +34,15 @@ pub struct Simulate {
 }
 
 impl Definition for Simulate {
-    const SPEC: StageSpec = StageSpec {
-        name: "simulate",
-        version: 2,
-        ports: &[Port { name: "map", kind: "OccupancyMap", arity: Arity::One, doc: "The map to walk on." }],
-        output: kind::<Placed<Tracks>>(),
-        seeded: true,
-        doc: "Simulates independent episodes of people (ORCA) who walk from goal to goal.",
-    };
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "simulate",
+            2,
+            vec![Port::new("map", "OccupancyMap", Arity::One, "The map to walk on.")],
+            kind::<Placed<Tracks>>(),
+            "Simulates independent episodes of people (ORCA) who walk from goal to goal.",
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.episodes.check()?;

@@ -22,41 +22,42 @@ use crate::store::Store;
 pub struct Tile(TileConfig);
 
 impl Definition for Tile {
-    const SPEC: StageSpec = StageSpec {
-        name: "tile",
-        version: 3,
-        ports: &[
-            Port { name: "map", kind: "OccupancyMap", arity: Arity::Group, doc: "The maps to cut." },
-            Port {
-                name: "labels",
-                kind: "Labels",
-                arity: Arity::GroupOr("visits"),
-                doc: "The classes of the same maps, to learn classes.",
-            },
-            Port {
-                name: "visits",
-                kind: "VisitCounts",
-                arity: Arity::GroupOr("labels"),
-                doc: "The visits of the same maps, to learn ranks: the share of a map's free cells that is visited less; and \
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "tile",
+            3,
+            vec![
+                Port::new("map", "OccupancyMap", Arity::Group, "The maps to cut."),
+                Port::new(
+                    "labels",
+                    "Labels",
+                    Arity::group_or("visits"),
+                    "The classes of the same maps, to learn classes.",
+                ),
+                Port::new(
+                    "visits",
+                    "VisitCounts",
+                    Arity::group_or("labels"),
+                    "The visits of the same maps, to learn ranks: the share of a map's free cells that is visited less; and \
                       directions, where they were counted with `flow: true`.",
-            },
-            Port {
-                name: "dwell",
-                kind: "VisitCounts",
-                arity: Arity::OptionalGroup,
-                doc: "Beside visits, counts of time steps (`count: steps`), to learn how many people to expect.",
-            },
-            Port {
-                name: "watched",
-                kind: "VisitCounts",
-                arity: Arity::OptionalGroup,
-                doc: "Where somebody looked: of cells that count 0 nothing is learned.",
-            },
-        ],
-        output: kind::<Tiles>(),
-        seeded: false,
-        doc: "Cuts maps into overlapping windows to learn from, without those that have few labels (section IV-A).",
-    };
+                ),
+                Port::new(
+                    "dwell",
+                    "VisitCounts",
+                    Arity::OptionalGroup,
+                    "Beside visits, counts of time steps (`count: steps`), to learn how many people to expect.",
+                ),
+                Port::new(
+                    "watched",
+                    "VisitCounts",
+                    Arity::OptionalGroup,
+                    "Where somebody looked: of cells that count 0 nothing is learned.",
+                ),
+            ],
+            kind::<Tiles>(),
+            "Cuts maps into overlapping windows to learn from, without those that have few labels (section IV-A).",
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

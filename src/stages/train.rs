@@ -23,28 +23,29 @@ use crate::store::Store;
 pub struct Train(TrainConfig);
 
 impl Definition for Train {
-    const SPEC: StageSpec = StageSpec {
-        name: "train",
-        version: 3,
-        ports: &[
-            Port { name: "tiles", kind: "Tiles", arity: Arity::One, doc: "The windows to learn from." },
-            Port {
-                name: "init",
-                kind: "Checkpoint",
-                arity: Arity::Optional,
-                doc: "A network of the same form to start from in the place of a random one (fine-tuning).",
-            },
-            Port {
-                name: "validation",
-                kind: "Tiles",
-                arity: Arity::Optional,
-                doc: "Windows of other maps to predict after every epoch, which tell how well it does.",
-            },
-        ],
-        output: kind::<Checkpoint>(),
-        seeded: true,
-        doc: "Trains the segmentation U-Net (section IV-B, appendix E); each epoch is kept.",
-    };
+    fn spec() -> StageSpec {
+        StageSpec::seeded(
+            "train",
+            3,
+            vec![
+                Port::new("tiles", "Tiles", Arity::One, "The windows to learn from."),
+                Port::new(
+                    "init",
+                    "Checkpoint",
+                    Arity::Optional,
+                    "A network of the same form to start from in the place of a random one (fine-tuning).",
+                ),
+                Port::new(
+                    "validation",
+                    "Tiles",
+                    Arity::Optional,
+                    "Windows of other maps to predict after every epoch, which tell how well it does.",
+                ),
+            ],
+            kind::<Checkpoint>(),
+            "Trains the segmentation U-Net (section IV-B, appendix E); each epoch is kept.",
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))?;
@@ -73,6 +74,10 @@ impl Stage for Train {
     fn part_ports(&self, part: Part) -> Option<&'static [&'static str]> {
         // Only the first epoch reads what it starts from.
         matches!(part, Part::Step(epoch) if epoch > 1).then_some(&["tiles", "validation"])
+    }
+
+    fn step_word(&self) -> &'static str {
+        "epoch"
     }
 
     fn division(&self) -> Division {

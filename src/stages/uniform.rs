@@ -16,15 +16,16 @@ use crate::store::Store;
 pub struct Uniform {}
 
 impl Definition for Uniform {
-    const SPEC: StageSpec = StageSpec {
-        name: "uniform",
-        version: 1,
-        ports: &[baseline::MAP],
-        output: kind::<Placed<Heat>>(),
-        seeded: false,
-        doc: "Expects as many people on every free cell: a density of 1, and a heat of 0, as no cell is visited less than \
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "uniform",
+            1,
+            vec![baseline::MAP],
+            kind::<Placed<Heat>>(),
+            "Expects as many people on every free cell: a density of 1, and a heat of 0, as no cell is visited less than \
               another.",
-    };
+        )
+    }
 }
 
 impl Stage for Uniform {

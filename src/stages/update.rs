@@ -20,37 +20,38 @@ use crate::store::Store;
 pub struct Update(UpdateConfig);
 
 impl Definition for Update {
-    const SPEC: StageSpec = StageSpec {
-        name: "update",
-        version: 1,
-        ports: &[
-            baseline::MAP,
-            Port { name: "heat", kind: "Heat", arity: Arity::One, doc: "What was expected." },
-            Port {
-                name: "visits",
-                kind: "VisitCounts",
-                arity: Arity::One,
-                doc: "What was seen: the paths over each cell, with `flow: true` also their directions.",
-            },
-            Port {
-                name: "steps",
-                kind: "VisitCounts",
-                arity: Arity::Optional,
-                doc: "The same with `count: steps`: where people spent their time. Without it visits stand for time.",
-            },
-            Port {
-                name: "watched",
-                kind: "VisitCounts",
-                arity: Arity::Optional,
-                doc: "How often somebody looked at each cell; visits of cells at 0 do not count. Without it all was in sight.",
-            },
-        ],
-        output: kind::<Placed<Heat>>(),
-        seeded: false,
-        doc: "Updates a prediction by visits that were counted: it stays where little was seen, and gives way to the counts \
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "update",
+            1,
+            vec![
+                baseline::MAP,
+                Port::new("heat", "Heat", Arity::One, "What was expected."),
+                Port::new(
+                    "visits",
+                    "VisitCounts",
+                    Arity::One,
+                    "What was seen: the paths over each cell, with `flow: true` also their directions.",
+                ),
+                Port::new(
+                    "steps",
+                    "VisitCounts",
+                    Arity::Optional,
+                    "The same with `count: steps`: where people spent their time. Without it visits stand for time.",
+                ),
+                Port::new(
+                    "watched",
+                    "VisitCounts",
+                    Arity::Optional,
+                    "How often somebody looked at each cell; visits of cells at 0 do not count. Without it all was in sight.",
+                ),
+            ],
+            kind::<Placed<Heat>>(),
+            "Updates a prediction by visits that were counted: it stays where little was seen, and gives way to the counts \
               where there are many. Recordings of more days add to the visits (`file: [monday.csv, tuesday.csv]` in \
               `import-tracks`), and only what they add is computed.",
-    };
+        )
+    }
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))

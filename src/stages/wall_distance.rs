@@ -16,14 +16,15 @@ use crate::store::Store;
 pub struct WallDistance {}
 
 impl Definition for WallDistance {
-    const SPEC: StageSpec = StageSpec {
-        name: "wall-distance",
-        version: 1,
-        ports: &[baseline::MAP],
-        output: kind::<Placed<Heat>>(),
-        seeded: false,
-        doc: "Ranks the cells of a map by their distance to the nearest wall: a baseline for predictions.",
-    };
+    fn spec() -> StageSpec {
+        StageSpec::new(
+            "wall-distance",
+            1,
+            vec![baseline::MAP],
+            kind::<Placed<Heat>>(),
+            "Ranks the cells of a map by their distance to the nearest wall: a baseline for predictions.",
+        )
+    }
 }
 
 impl Stage for WallDistance {

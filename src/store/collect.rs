@@ -301,7 +301,7 @@ mod tests {
     const ALL: Collect = Collect { dry_run: false, older_than: Duration::ZERO };
 
     fn epoch(name: &str, artifact: &Artifact, key: Key) -> RunNode {
-        RunNode { role: Role::Epoch, ..node(name, artifact, key) }
+        RunNode { role: Role::Step, ..node(name, artifact, key) }
     }
 
     /// Makes a node's artifact and recipe in another process's place: its session ends with this function.
@@ -505,7 +505,9 @@ mod tests {
         let (folder, store) = store();
         let root = folder.path();
         let (artifact, _) = made(root, "a");
-        store.link_latest("homes", &[LatestEntry { node: "a".to_owned(), artifact, extension: "bin" }]).expect("links");
+        store
+            .link_latest("homes", &[LatestEntry { node: "a".to_owned(), artifact, extension: "bin".into() }])
+            .expect("links");
         drop(store);
         finish(root, &run("a", 1, Vec::new()));
         for (path, text) in [

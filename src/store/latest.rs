@@ -1,5 +1,6 @@
 //! Gives people plain names: links from `latest/<pipeline>/<node>` into the objects.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
@@ -19,7 +20,7 @@ pub struct LatestEntry {
     /// The files to link to.
     pub artifact: Artifact,
     /// Ending of a single file's name, such as `parquet`; a bundle's files bring their own.
-    pub extension: &'static str,
+    pub extension: Cow<'static, str>,
 }
 
 impl Store {
@@ -221,7 +222,7 @@ mod tests {
 
     fn file(store: &Store, node: &str, content: &str) -> LatestEntry {
         let artifact = Artifact::single(store.put("", content.as_bytes()).expect("puts"));
-        LatestEntry { node: node.to_owned(), artifact, extension: "parquet" }
+        LatestEntry { node: node.to_owned(), artifact, extension: "parquet".into() }
     }
 
     fn bundle(store: &Store, node: &str, parts: &[&str]) -> LatestEntry {
@@ -229,7 +230,7 @@ mod tests {
         LatestEntry {
             node: node.to_owned(),
             artifact: store.bundle("Checkpoint", 1, files).expect("puts"),
-            extension: "",
+            extension: "".into(),
         }
     }
 
@@ -267,7 +268,7 @@ mod tests {
         assert!(mine.exists() && !folder.path().join("latest/homes/model").exists());
 
         // A node that was a bundle is a file, and the other way round.
-        let plain = LatestEntry { extension: "", ..file(&store, "model", "d") };
+        let plain = LatestEntry { extension: "".into(), ..file(&store, "model", "d") };
         store.link_latest("homes", &[model]).expect("links");
         store.link_latest("homes", &[plain]).expect("links");
         assert_eq!(shown(&store), ["model: d"]);
@@ -306,7 +307,7 @@ mod tests {
             assert_eq!(shown(&store), ["good.parquet: b"]);
         }
         for node in ["", ".", ".."] {
-            let entry = LatestEntry { extension: "", ..file(&store, node, "a") };
+            let entry = LatestEntry { extension: "".into(), ..file(&store, node, "a") };
             assert_eq!(problems(&store, &[entry]).len(), 1, "{node:?}");
         }
         let fine = ["back\\slash", "a b", "-x", "ä", "...", &long[1..]];

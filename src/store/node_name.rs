@@ -30,8 +30,9 @@ pub enum Role {
     Node,
     /// An independent part of one.
     Chunk,
-    /// A step of one; the node's artifact is that of the last step.
-    Epoch,
+    /// A step of one; the node's artifact is that of the last step. Records and JSON call it as the first version did.
+    #[serde(rename = "epoch")]
+    Step,
 }
 
 /// A part of a node.
@@ -47,13 +48,13 @@ impl fmt::Display for NodePart {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Chunk(number) => write!(formatter, "chunk-{number:02}"),
-            Self::Step(number) => write!(formatter, "epoch-{number:02}"),
+            Self::Step(number) => write!(formatter, "step-{number:02}"),
         }
     }
 }
 
 impl NodePart {
-    /// Reads what [`Display`](fmt::Display) writes.
+    /// Reads what the first format of records called the parts of nodes.
     fn parse(text: &str) -> Option<Self> {
         let (kind, digits) = text.split_once('-')?;
         let number = digits.parse().ok()?;
@@ -62,7 +63,7 @@ impl NodePart {
             "epoch" => Self::Step(number),
             _ => return None,
         };
-        (part.to_string() == text).then_some(part)
+        (format!("{kind}-{number:02}") == text).then_some(part)
     }
 }
 
@@ -80,8 +81,18 @@ impl NodeName {
     /// Names a part of this node.
     #[must_use]
     pub fn part_of(&self, part: NodePart) -> Self {
+        self.called(&part.to_string(), part)
+    }
+
+    /// Names a step of this node by a word of its own: `model/epoch-07`.
+    #[must_use]
+    pub fn step_of(&self, word: &str, number: u32) -> Self {
+        self.called(&format!("{word}-{number:02}"), NodePart::Step(number))
+    }
+
+    fn called(&self, own: &str, part: NodePart) -> Self {
         let node = self.node();
-        Self { text: Arc::from(format!("{node}/{part}")), stage: self.stage, node: node.len(), part: Some(part) }
+        Self { text: Arc::from(format!("{node}/{own}")), stage: self.stage, node: node.len(), part: Some(part) }
     }
 
     /// Returns the whole name.
@@ -129,7 +140,7 @@ impl NodeName {
         match self.part {
             None => Role::Node,
             Some(NodePart::Chunk(_)) => Role::Chunk,
-            Some(NodePart::Step(_)) => Role::Epoch,
+            Some(NodePart::Step(_)) => Role::Step,
         }
     }
 
@@ -173,7 +184,9 @@ impl From<Fields> for NodeName {
             let rest = fields.node[..text].strip_suffix(end).and_then(|rest| rest.strip_suffix('/'));
             rest.map_or(text, str::len)
         };
-        let node = part.map_or(fields.node.len(), |part| strip(fields.node.len(), &part.to_string()));
+        // What a part is called has no slash; a step may be called by any word.
+        let whole = fields.node.len();
+        let node = part.and_then(|_| fields.node.rfind('/')).unwrap_or(whole);
         let stage = fields.member.as_deref().map_or(node, |member| strip(node, member));
         Self { stage, node, part, text: fields.node }
     }
@@ -277,15 +290,16 @@ mod tests {
         check(&model, "model", ("model", None, None));
         let chunk = walks.part_of(NodePart::Chunk(2));
         check(&chunk, "walks/home_03/chunk-02", ("walks", Some("home_03"), Some(NodePart::Chunk(2))));
-        let step = model.part_of(NodePart::Step(107));
+        let step = model.step_of("epoch", 107);
         check(&step, "model/epoch-107", ("model", None, Some(NodePart::Step(107))));
-        assert_eq!((step.node(), step.step(), step.role()), ("model", Some(107), Role::Epoch));
+        assert_eq!((step.node(), step.step(), step.role()), ("model", Some(107), Role::Step));
         assert_eq!(chunk.part_of(NodePart::Chunk(3)).as_str(), "walks/home_03/chunk-03");
         // A map may be called like a part.
         let odd = NodeName::new("labels", Some("epoch-07"));
         check(&odd, "labels/epoch-07", ("labels", Some("epoch-07"), None));
+        check(&model.part_of(NodePart::Step(7)), "model/step-07", ("model", None, Some(NodePart::Step(7))));
         check(
-            &odd.part_of(NodePart::Step(7)),
+            &odd.step_of("epoch", 7),
             "labels/epoch-07/epoch-07",
             ("labels", Some("epoch-07"), Some(NodePart::Step(7))),
         );

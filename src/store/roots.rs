@@ -50,7 +50,7 @@ impl Reached {
         for node in &run.nodes {
             self.recipes.extend(node.key);
             let Some(artifact) = &node.artifact else { continue };
-            if node.role != Role::Epoch || run.status != RunStatus::Finished {
+            if node.role != Role::Step || run.status != RunStatus::Finished {
                 self.objects.extend(artifact.objects());
                 continue;
             }

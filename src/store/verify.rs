@@ -184,7 +184,7 @@ impl Store {
     /// Notes what a run yielded and is not there.
     pub(super) fn note_missing(&self, run: &Run, damaged: &[Digest], missing: &mut BTreeMap<Digest, Vec<String>>) {
         // The steps before the last are `gc`'s to take.
-        for node in run.nodes.iter().filter(|node| node.role != Role::Epoch) {
+        for node in run.nodes.iter().filter(|node| node.role != Role::Step) {
             for digest in node.artifact.iter().flat_map(Artifact::objects) {
                 if !damaged.contains(&digest) && fs::symlink_metadata(self.path_of(&digest)).is_err() {
                     let names = missing.entry(digest).or_default();

@@ -52,7 +52,7 @@ fn stages_that_do_not_fit() {
 
 #[test]
 fn maps_of_one_name() {
-    let twice = "maps: { a: { homes: { count: 2 } }, b: { homes: { count: 1, first: 1 } } }
+    let twice = "maps: { a: { homes: { count: 2 } }, b: { homes: { count: 1, first: 1, seed: 5 } } }
 stages:
   walks: { use: simulate, map: $maps }
 ";

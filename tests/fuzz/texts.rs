@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use trodden::domain::map::{ImportConfig, MapYaml, PlanForm, Unit, import_plan, import_ros};
 use trodden::pipeline::plan::{Lookups, plan};
 use trodden::pipeline::spec::{Request, parse};
-use trodden::stages::REGISTER;
+use trodden::stages::register;
 use trodden::store::{Artifact, Digest, Key, Record, Store, StoreError};
 
 use super::mutate::{Dice, text, times, tree};
@@ -196,7 +196,7 @@ fn pipeline() -> Target {
     let seeds = SEEDS.map(|seed| seed.as_bytes().to_vec()).to_vec();
     Target::new("pipeline", seeds, pipeline_text, move |input| {
         let file = folder.path().join("fuzz.yaml");
-        let request = Request { file: &file, sets: &[], variables: &variables, register: &REGISTER };
+        let request = Request { file: &file, sets: &[], variables: &variables, register: &register() };
         match parse(&String::from_utf8_lossy(input), &request) {
             Ok(pipeline) => {
                 drop(plan(&pipeline, &Nothing, &[]));

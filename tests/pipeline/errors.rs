@@ -223,11 +223,11 @@ fn maps_that_are_wrong() {
     1 | maps: { a: { homes: { count: 0 } } }
       |            ^^^^^^^^^^^^^^^^^^^^^^^
     ");
-    insta::assert_snapshot!(maps("{ a: { homes: { count: 2 } }, b: { homes: { count: 1, first: 1 } } }"), @r"
+    insta::assert_snapshot!(maps("{ a: { homes: { count: 2 } }, b: { homes: { count: 1, first: 1, word: x } } }"), @r"
     error: two maps are called `home_01`
      --> toy.yaml:1:42
       |
-    1 | maps: { a: { homes: { count: 2 } }, b: { homes: { count: 1, first: 1 } } }
+    1 | maps: { a: { homes: { count: 2 } }, b: { homes: { count: 1, first: 1, word: x } } }
       |              ----- first here            ^^^^^ again here
       |
       = help: maps of a series are named by their number: give another `first`
@@ -260,11 +260,40 @@ fn maps_that_are_wrong() {
       |
       = help: start with a letter; letters, digits, `-` and `_` may follow
     ");
-    insta::assert_snapshot!(maps("{ a: home }"), @r"
-    error: group `a` is a mapping, not a string
+    insta::assert_snapshot!(maps("{ a: 3 }"), @r"
+    error: group `a` is a mapping, not a number
      --> toy.yaml:1:12
       |
-    1 | maps: { a: home }
-      |            ^^^^
+    1 | maps: { a: 3 }
+      |            ^
     ");
+}
+
+#[test]
+fn a_member_may_be_in_several_groups() {
+    let text = "maps:
+  all: { homes: { count: 5 } }
+  some: [{ homes: { count: 1, first: 3 } }, { homes: { count: 1, first: 0 } }]
+  test: { fold: { of: all, folds: 2, take: 1 } }
+  train: { fold: { of: all, folds: 2, leave: 1 } }
+stages: { walks: { use: walk, map: $maps.train } }
+";
+    let found = read(text, &[]).expect("is fine");
+    let names = |group: usize| -> Vec<&str> {
+        let members = found.groups[group].members.iter();
+        members.map(|member| found.nodes[*member].member.as_deref().expect("a map has a name")).collect()
+    };
+    assert_eq!(names(0), ["home_00", "home_01", "home_02", "home_03", "home_04"]);
+    assert_eq!(names(1), ["home_03", "home_00"]);
+    assert_eq!(names(2), ["home_01", "home_03"]);
+    assert_eq!(names(3), ["home_00", "home_02", "home_04"]);
+    // Five maps and the walks on three of them.
+    assert_eq!(found.nodes.len(), 8);
+    let other = read(text, &["maps.test.fold.take=0", "maps.train.fold.leave=0"]).expect("is fine");
+    assert_eq!(other.groups[2].members.len(), 3);
+    let wrong_fold = |text: &str| wrong(&format!("maps: {text}\nstages: {{}}\n"), &[]);
+    let above = wrong_fold("{ t: { fold: { of: all, folds: 2, take: 0 } }, all: { homes: { count: 2 } } }");
+    assert!(above.contains("there is no group of maps `all` yet") && above.contains("stands above it"), "{above}");
+    let few = wrong_fold("{ all: { homes: { count: 2 } }, t: { fold: { of: all, folds: 3, take: 0 } } }");
+    assert!(few.contains("`all` has 2 maps, too few for that"), "{few}");
 }

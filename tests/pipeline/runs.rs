@@ -292,7 +292,7 @@ fn events_come_in_order_and_fold_into_the_report() {
     assert_eq!(state.counts, seen.report.counts);
     assert_eq!(state.stages["walks"].ran, 15);
     assert_eq!(state.finished, Some((RunStatus::Finished, seen.report.run.wall_s)));
-    let epochs = nodes.iter().filter(|node| node.role == Role::Epoch).count();
+    let epochs = nodes.iter().filter(|node| node.role == Role::Step).count();
     let chunks = nodes.iter().filter(|node| node.role == Role::Chunk).count();
     assert_eq!((epochs, chunks), (3, 20));
     assert_ne!(seen.digests()["labels/home_00"], Digest::of(b""));

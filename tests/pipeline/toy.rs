@@ -1,6 +1,6 @@
 //! Stages of a few lines that write text, to test the engine with: no crowd, no tensor, no Parquet.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
@@ -9,46 +9,39 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 use trodden::pipeline::stage::{
-    Arity, Context, Division, Entry, Inputs, KindSpec, MapNode, MapSource, Needs, Output, ParameterError, Part, Port,
-    Register, Source, Stage, StageError, StageSpec,
+    Arity, Context, Division, Entry, Inputs, KindSpec, Needs, Output, ParameterError, Part, Port, Register, Section,
+    Source, SourceNode, SourceType, Stage, StageError, StageSpec, Surroundings,
 };
 use trodden::store::{Artifact, Store};
 
-const fn kind(name: &'static str) -> KindSpec {
-    KindSpec { name, format: 1, extension: "txt" }
+fn port(name: &'static str, kind: &'static str, arity: Arity) -> Port {
+    Port::new(name, kind, arity, "What is read.")
 }
 
-const fn port(name: &'static str, kind: &'static str, arity: Arity) -> Port {
-    Port { name, kind, arity, doc: "What is read." }
+/// Describes a toy.
+fn spec(name: &'static str) -> StageSpec {
+    let (ports, kind) = match name {
+        "seed-map" | "read-map" => (Vec::new(), "Map"),
+        "walk" => (vec![port("map", "Map", Arity::One)], "Walks"),
+        "count" => (vec![port("map", "Map", Arity::One), port("walks", "Walks", Arity::One)], "Counts"),
+        "label" => (vec![port("map", "Map", Arity::Optional), port("counts", "Counts", Arity::One)], "Labels"),
+        "join" => (vec![port("maps", "Map", Arity::Group), port("labels", "Labels", Arity::Group)], "Table"),
+        "train" => (vec![port("table", "Table", Arity::One)], "Model"),
+        "heat" => (vec![port("map", "Map", Arity::One), port("model", "Model", Arity::One)], "Heat"),
+        "score" => (vec![port("heat", "Heat", Arity::One), port("labels", "Labels", Arity::One)], "Score"),
+        "sum" => (
+            vec![
+                port("labels", "Labels", Arity::group_or("counts")),
+                port("counts", "Counts", Arity::group_or("labels")),
+            ],
+            "Sum",
+        ),
+        other => panic!("there is no toy `{other}`"),
+    };
+    let output = KindSpec::new(kind, 1, if name == "walk" { "" } else { "txt" });
+    let spec = StageSpec::new(name, 1, ports, output, "Does what a toy does.");
+    StageSpec { seeded: matches!(name, "walk" | "train"), ..spec }
 }
-
-const fn spec(name: &'static str, ports: &'static [Port], output: KindSpec, seeded: bool) -> StageSpec {
-    StageSpec { name, version: 1, ports, output, seeded, doc: "Does what a toy does." }
-}
-
-static SEED: StageSpec = spec("seed-map", &[], kind("Map"), false);
-static READ: StageSpec = spec("read-map", &[], kind("Map"), false);
-static WALK: StageSpec = StageSpec {
-    output: KindSpec { name: "Walks", format: 1, extension: "" },
-    ..spec("walk", &[port("map", "Map", Arity::One)], kind(""), true)
-};
-static COUNT: StageSpec =
-    spec("count", &[port("map", "Map", Arity::One), port("walks", "Walks", Arity::One)], kind("Counts"), false);
-static LABEL: StageSpec =
-    spec("label", &[port("map", "Map", Arity::Optional), port("counts", "Counts", Arity::One)], kind("Labels"), false);
-static JOIN: StageSpec =
-    spec("join", &[port("maps", "Map", Arity::Group), port("labels", "Labels", Arity::Group)], kind("Table"), false);
-static TRAIN: StageSpec = spec("train", &[port("table", "Table", Arity::One)], kind("Model"), true);
-static HEAT: StageSpec =
-    spec("heat", &[port("map", "Map", Arity::One), port("model", "Model", Arity::One)], kind("Heat"), false);
-static SCORE: StageSpec =
-    spec("score", &[port("heat", "Heat", Arity::One), port("labels", "Labels", Arity::One)], kind("Score"), false);
-static SUM: StageSpec = spec(
-    "sum",
-    &[port("labels", "Labels", Arity::GroupOr("counts")), port("counts", "Counts", Arity::GroupOr("labels"))],
-    kind("Sum"),
-    false,
-);
 
 /// How often a [`Random`] stage has run in this process: what makes it give other bytes every time.
 static RANDOM: AtomicU64 = AtomicU64::new(0);
@@ -122,7 +115,7 @@ impl Default for Common {
 
 #[derive(Debug)]
 struct Toy {
-    spec: &'static StageSpec,
+    name: &'static str,
     common: Common,
 }
 
@@ -167,7 +160,7 @@ impl Toy {
     fn run_whole(&self, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let store = context.store;
         let common = &self.common;
-        let text = match self.spec.name {
+        let text = match self.name {
             "seed-map" => format!("map {}", common.word),
             "read-map" => {
                 let (path, _) = &inputs.sources["image"];
@@ -212,7 +205,7 @@ impl Stage for Toy {
     fn part_parameters(&self, part: Part) -> Value {
         let mut parameters = self.parameters();
         match part {
-            Part::Chunk(number) if self.spec.name == "walk" => {
+            Part::Chunk(number) if self.name == "walk" => {
                 parameters["episodes"] = (4.min(self.common.episodes - 4 * number)).into();
                 parameters["first"] = (4 * number).into();
             }
@@ -222,8 +215,12 @@ impl Stage for Toy {
         parameters
     }
 
+    fn step_word(&self) -> &'static str {
+        "epoch"
+    }
+
     fn division(&self) -> Division {
-        match self.spec.name {
+        match self.name {
             "walk" => Division::Chunks(self.common.episodes.div_ceil(4)),
             "count" => Division::Follows("walks"),
             "train" => Division::Chain(self.common.epochs),
@@ -248,7 +245,7 @@ impl Stage for Toy {
         (context.progress)(1, 2);
         match part {
             Part::Whole => self.run_whole(inputs, context),
-            Part::Chunk(number) if self.spec.name == "walk" => {
+            Part::Chunk(number) if self.name == "walk" => {
                 let map = read(context.store, inputs.one("map"))?;
                 let first = 4 * number;
                 let last = (first + 4).min(self.common.episodes);
@@ -258,7 +255,7 @@ impl Stage for Toy {
                 let walks = read(context.store, inputs.one("walks"))?;
                 self.write(&format!("<{} {}>", walks.len(), Self::mix(&walks)), context)
             }
-            Part::Gather if self.spec.name == "walk" => {
+            Part::Gather if self.name == "walk" => {
                 let named = |(name, artifact): &(String, Artifact)| {
                     let mut file = artifact.files[0].clone();
                     file.name.clone_from(name);
@@ -283,7 +280,7 @@ impl Stage for Toy {
     }
 }
 
-fn toy(spec: &'static StageSpec, value: &Value) -> Result<Arc<dyn Stage>, ParameterError> {
+fn toy(name: &'static str, value: &Value) -> Result<Arc<dyn Stage>, ParameterError> {
     let common: Common = serde_json::from_value(value.clone()).map_err(|error| ParameterError {
         path: Vec::new(),
         message: error.to_string(),
@@ -296,20 +293,22 @@ fn toy(spec: &'static StageSpec, value: &Value) -> Result<Arc<dyn Stage>, Parame
             help: Some("two classes tell walked from not walked".to_owned()),
         });
     }
-    Ok(Arc::new(Toy { spec, common }))
+    Ok(Arc::new(Toy { name, common }))
 }
 
 fn schema() -> Value {
     schemars::schema_for!(Common).to_value()
 }
 
-macro_rules! entry {
-    ($spec:ident) => {
-        Entry { spec: &$spec, parse: |value, _| toy(&$spec, value), schema }
-    };
+fn entry(name: &'static str) -> Entry {
+    Entry::new(spec(name), move |value, _| toy(name, value), schema)
 }
 
-fn count_maps(value: &Value, _: &Path) -> Result<Vec<MapNode>, ParameterError> {
+fn node(name: String, stage: &'static str, common: Common) -> SourceNode {
+    SourceNode { name, spec: Arc::new(spec(stage)), stage: Arc::new(Toy { name: stage, common }) }
+}
+
+fn count_maps(value: &Value, _: &Surroundings) -> Result<Vec<SourceNode>, ParameterError> {
     let refuse = |path: &str, message: &str| {
         let path = if path.is_empty() { Vec::new() } else { vec![path.to_owned()] };
         ParameterError { path, message: message.to_owned(), help: None }
@@ -325,7 +324,7 @@ fn count_maps(value: &Value, _: &Path) -> Result<Vec<MapNode>, ParameterError> {
     Ok((first..first + count)
         .map(|number| {
             let common = Common { word: format!("{word} {number}"), ..Common::default() };
-            MapNode { name: format!("home_{number:02}"), spec: &SEED, stage: Arc::new(Toy { spec: &SEED, common }) }
+            node(format!("home_{number:02}"), "seed-map", common)
         })
         .collect())
 }
@@ -338,32 +337,22 @@ fn count_schema() -> Value {
     })
 }
 
-fn file_maps(value: &Value, folder: &Path) -> Result<Vec<MapNode>, ParameterError> {
+fn file_maps(value: &Value, surroundings: &Surroundings) -> Result<Vec<SourceNode>, ParameterError> {
     let names = value.as_array().cloned().unwrap_or_else(|| vec![value.clone()]);
     let map = |name: &Value| {
-        let path = folder.join(name.as_str().unwrap_or_default());
+        let path = surroundings.folder.join(name.as_str().unwrap_or_default());
         let common = Common { file: Some(path.clone()), ..Common::default() };
         let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        MapNode { name: stem, spec: &READ, stage: Arc::new(Toy { spec: &READ, common }) }
+        node(stem, "read-map", common)
     };
     Ok(names.iter().map(map).collect())
 }
 
 /// The register of the toys.
-pub static REGISTER: Register = Register {
-    stages: &[
-        entry!(WALK),
-        entry!(COUNT),
-        entry!(LABEL),
-        entry!(JOIN),
-        entry!(TRAIN),
-        entry!(HEAT),
-        entry!(SCORE),
-        entry!(SUM),
-        entry!(SEED),
-    ],
-    maps: &[
-        MapSource { name: "homes", doc: "Numbered maps.", seeded: false, expand: count_maps, schema: count_schema },
-        MapSource { name: "files", doc: "Files.", seeded: false, expand: file_maps, schema: || serde_json::json!({}) },
-    ],
-};
+pub fn register() -> Register {
+    let stages = ["walk", "count", "label", "join", "train", "heat", "score", "sum", "seed-map"];
+    let maps = Section::new("maps", "map", "files")
+        .with(SourceType::new("homes", "Numbered maps.", count_maps, count_schema))
+        .with(SourceType::new("files", "Files.", file_maps, || serde_json::json!({})));
+    Register { stages: stages.map(entry).to_vec(), sections: vec![maps], kinds: Vec::new() }
+}

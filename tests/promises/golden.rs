@@ -5,6 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
+use std::sync::Arc;
 
 use serde_json::{Value, json};
 use trodden::domain::geometry::{Cell, Frame, Grid, Point};
@@ -13,9 +14,9 @@ use trodden::domain::quantize::Labels;
 use trodden::domain::raster::VisitCounts;
 use trodden::domain::tracks::{Sample, Tracks, agent_id};
 use trodden::kinds::{Heat, Kind, NavEpisodes, NavSample, Placed, Written};
-use trodden::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageSpec};
-use trodden::stages::REGISTER;
+use trodden::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageSpec, Surroundings};
 use trodden::stages::compute::SIMD_VARIABLE;
+use trodden::stages::register;
 use trodden::store::{Artifact, Store};
 
 use super::{Place, Room, Told};
@@ -98,6 +99,14 @@ fn ranks() -> Placed<Heat> {
     Placed::new(frame(), Heat { density, ..Heat::new(map().free().clone(), heat) })
 }
 
+/// A stage of the register with its parameters.
+fn staged(name: &str, parameters: &Value, folder: &Path) -> (Arc<StageSpec>, Arc<dyn Stage>) {
+    let register = register();
+    let surroundings = Surroundings { folder, inputs: &[], register: &register };
+    let entry = register.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
+    (Arc::clone(&entry.spec), entry.parse(parameters, &surroundings).expect("good parameters"))
+}
+
 /// Runs stages in a store of their own and notes what comes out.
 struct Bench {
     place: Place,
@@ -121,19 +130,20 @@ impl Bench {
 
     /// Runs a stage of the register.
     fn check(&mut self, name: &str, parameters: Value, part: Part, ports: &[(&str, &Input)]) {
-        let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
-        let stage = (entry.parse)(&parameters, &self.place.at("maps")).expect("good parameters");
+        let (spec, stage) = staged(name, &parameters, &self.place.at("maps"));
         let ports: BTreeMap<String, Input> =
             ports.iter().map(|(port, input)| ((*port).to_owned(), (*input).clone())).collect();
-        self.run(entry.spec, &*stage, part, &Inputs { ports, ..Inputs::default() });
+        self.run(&spec, &*stage, part, &Inputs { ports, ..Inputs::default() });
     }
 
     /// Runs the stage behind the only map of a source.
     fn check_source(&mut self, source: &str, value: &Value) {
-        let source = REGISTER.maps.iter().find(|entry| entry.name == source).expect("a source");
-        let nodes = (source.expand)(value, &self.place.at("maps")).expect("good parameters");
+        let (register, folder) = (register(), self.place.at("maps"));
+        let surroundings = Surroundings { folder: &folder, inputs: &[], register: &register };
+        let source = register.sections[0].sources.iter().find(|entry| entry.name == source).expect("a source");
+        let nodes = source.expand(value, &surroundings).expect("good parameters");
         assert_eq!(nodes.len(), 1);
-        self.run(nodes[0].spec, &*nodes[0].stage, Part::Whole, &Inputs::default());
+        self.run(&nodes[0].spec, &*nodes[0].stage, Part::Whole, &Inputs::default());
     }
 
     fn run(&mut self, spec: &StageSpec, stage: &dyn Stage, part: Part, inputs: &Inputs) -> Artifact {
@@ -142,7 +152,7 @@ impl Bench {
         let output = stage.run(part, inputs, &context).unwrap_or_else(|error| panic!("{}: {error}", spec.name));
         let artifact = match output {
             Output::File(file) => Artifact::single(file),
-            Output::Bundle(files) => self.store.bundle(spec.output.name, spec.output.format, files).expect("writes"),
+            Output::Bundle(files) => self.store.bundle(&spec.output.name, spec.output.format, files).expect("writes"),
         };
         self.found.push(format!("{} {} {}", spec.name, spec.version, &artifact.digest.to_hex()[..16]));
         artifact
@@ -150,10 +160,7 @@ impl Bench {
 
     /// Trains two epochs on windows of [`map`] with [`labels`], then with [`visits`], and annotates the map by what came out.
     fn network(&mut self) {
-        let stage = |name: &str, parameters: Value| {
-            let entry = REGISTER.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
-            (entry.spec, (entry.parse)(&parameters, Path::new("")).expect("good parameters"))
-        };
+        let stage = |name: &str, parameters: Value| staged(name, &parameters, Path::new(""));
         let group = |artifact: Artifact| Input::Group(BTreeMap::from([("room".to_owned(), artifact)]));
         let one = |input: Input| match input {
             Input::One(artifact) => artifact,
@@ -211,17 +218,17 @@ impl Bench {
             let cut = json!({ "size": 16, "stride": 16, "min_labeled": 64, "besides": besides });
             let (spec, tile) = stage("tile", cut);
             let inputs = ports([vec![("map", group(map.clone()))], known].concat());
-            let tiles = self.run(spec, &*tile, Part::Whole, &inputs);
+            let tiles = self.run(&spec, &*tile, Part::Whole, &inputs);
             let (spec, train) = stage("train", training);
             let mut inputs = ports(vec![("tiles", Input::One(tiles))]);
             for epoch in 1..=2 {
-                inputs.previous = Some(self.run(spec, &*train, Part::Step(epoch), &inputs));
+                inputs.previous = Some(self.run(&spec, &*train, Part::Step(epoch), &inputs));
             }
             let model = inputs.previous.take().expect("the second epoch");
             let mut annotate = |map: &Artifact, parameters: Value| {
                 let (spec, annotate) = stage("annotate", parameters);
                 let inputs = ports(vec![("map", Input::One(map.clone())), ("model", Input::One(model.clone()))]);
-                self.run(spec, &*annotate, Part::Whole, &inputs)
+                self.run(&spec, &*annotate, Part::Whole, &inputs)
             };
             annotations.into_iter().for_each(|parameters| drop(annotate(&map, parameters)));
             last = Some(annotate(&scanned, json!({ "mode": "dense", "offsets": 1, "shown": "observed" })));

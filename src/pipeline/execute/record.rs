@@ -26,7 +26,7 @@ impl Scheduler<'_> {
     /// Returns what is to be recorded of a task.
     fn node(&self, task: usize) -> RunNode {
         let (graph, of) = (self.ledger.graph, &self.ledger.graph.tasks[task]);
-        let spec = graph.node(task).spec;
+        let spec = &graph.node(task).spec;
         let (outcome, wall_s, error) = match &self.ends[task] {
             Some(end) => (end.outcome, end.wall_s, end.error.clone()),
             None => (Outcome::Skipped, 0.0, None),
@@ -34,8 +34,8 @@ impl Scheduler<'_> {
         RunNode {
             node: of.name.clone(),
             role: of.role(),
-            stage: spec.name.to_owned(),
-            kind: spec.output.name.to_owned(),
+            stage: spec.name.to_string(),
+            kind: spec.output.name.to_string(),
             outcome,
             key: self.ledger.keys[task],
             artifact: self.ledger.artifacts[task].clone(),
@@ -108,7 +108,7 @@ fn latest(scheduler: &Scheduler) -> Vec<LatestEntry> {
             && here
             && let Some(artifact) = &ledger.artifacts[index]
         {
-            let extension = ledger.graph.node(index).spec.output.extension;
+            let extension = ledger.graph.node(index).spec.output.extension.clone();
             entries.push(LatestEntry { node: task.name.to_string(), artifact: artifact.clone(), extension });
         }
     }

@@ -176,7 +176,7 @@ impl<'a> Scheduler<'a> {
                     self.ledger.status[task] = Status::Running;
                     let (node, name) = (self.ledger.graph.node(task), &self.ledger.graph.tasks[task].name);
                     let role = name.role();
-                    (self.sink)(&Event::NodeStarted { node: name.clone(), stage: node.spec.name.to_owned(), role });
+                    (self.sink)(&Event::NodeStarted { node: name.clone(), stage: node.spec.name.to_string(), role });
                     let sender = sender.clone();
                     Builder::new()
                         .name(name.to_string())
@@ -333,8 +333,8 @@ impl<'a> Scheduler<'a> {
             outcome,
             digest,
             role: of.role(),
-            stage: node.spec.name.to_owned(),
-            kind: node.spec.output.name.to_owned(),
+            stage: node.spec.name.to_string(),
+            kind: node.spec.output.name.to_string(),
             wall_s,
             error: error.clone(),
             help,

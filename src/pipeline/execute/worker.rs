@@ -221,7 +221,7 @@ pub(super) fn inputs(ledger: &Ledger, of: &Task) -> Inputs {
             Origin::One(task) => Input::One(artifact(*task)),
             Origin::Group(members) => Input::Group(members.iter().map(named).collect()),
         };
-        inputs.ports.insert(feed.port.to_owned(), input);
+        inputs.ports.insert(feed.port.to_string(), input);
     }
     inputs.sources.clone_from(&ledger.sources[of.node]);
     inputs

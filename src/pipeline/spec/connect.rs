@@ -5,13 +5,11 @@ use std::sync::Arc;
 
 use super::declare::{Declared, Use};
 use super::reference::{Reference, Target};
-use super::{Connection, MapGroup, Node, Wire, suggest};
+use super::sections;
+use super::{Connection, Group, Node, Wire, suggest};
 use crate::pipeline::error::{MOST_SHOWN, Problem};
-use crate::pipeline::stage::Port;
+use crate::pipeline::stage::{Port, Section};
 use crate::store::NodeName;
-
-/// What the maps are called beside the uses of stages.
-const MAPS: &str = "maps";
 
 /// What a reference leads to.
 #[derive(Debug, Clone)]
@@ -20,27 +18,36 @@ enum Fed {
     Many(Arc<[usize]>),
 }
 
-/// Builds the nodes of all maps and stages.
-pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), Vec<Problem>> {
-    let order = order(&declared.stages)?;
-    let mut graph =
-        Graph { seed: declared.seed, groups: Vec::new(), nodes: Vec::new(), guesses: true, outputs: BTreeMap::new() };
-    for group in declared.groups {
-        let first = graph.nodes.len();
-        for map in group.maps {
-            graph.nodes.push(Node {
-                name: NodeName::new(MAPS, Some(&map.node.name)),
-                member: Some(Arc::from(map.node.name)),
-                spec: map.node.spec,
-                stage: map.node.stage,
-                seed: map.node.spec.seeded.then(|| map.seed.unwrap_or(declared.seed)),
-                inputs: Vec::new(),
-            });
-        }
-        graph.groups.push(MapGroup { name: group.name, members: (first..graph.nodes.len()).collect() });
+/// Builds the nodes of all sections and stages.
+pub(super) fn connect(declared: Declared, sections: &[Section]) -> Result<(Vec<Group>, Vec<Node>), Vec<Problem>> {
+    let order = order(&declared.stages, sections)?;
+    let mut graph = Graph {
+        seed: declared.seed,
+        sections,
+        groups: Vec::new(),
+        nodes: Vec::new(),
+        guesses: true,
+        outputs: BTreeMap::new(),
+    };
+    for source in declared.members {
+        graph.nodes.push(Node {
+            name: NodeName::new(&source.section, Some(&source.node.name)),
+            member: Some(Arc::from(source.node.name)),
+            seed: source.node.spec.seeded.then(|| source.seed.unwrap_or(declared.seed)),
+            spec: source.node.spec,
+            stage: source.node.stage,
+            inputs: Vec::new(),
+        });
     }
-    let all: Arc<[usize]> = (0..graph.nodes.len()).collect();
-    graph.outputs.insert(String::new(), Fed::Many(all));
+    for group in declared.groups {
+        let sections::Group { name, section, noun, members } = group;
+        graph.groups.push(Group { name, section, noun, members });
+    }
+    for section in sections {
+        let of_section = |position: &usize| graph.nodes[*position].name.stage() == section.key;
+        let all = (0..graph.nodes.len()).filter(of_section).collect();
+        graph.outputs.insert(format!("${}", section.key), Fed::Many(all));
+    }
 
     let mut problems = Vec::new();
     let mut faulty = BTreeSet::new();
@@ -48,7 +55,7 @@ pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), 
         let stage = &declared.stages[index];
         let after_faulty = stage.ports.iter().any(|(_, reference)| match &reference.target {
             Target::Stage(name) => faulty.contains(name.as_str()),
-            Target::Maps => false,
+            Target::Section(_) => false,
         });
         graph.guesses = problems.len() < MOST_SHOWN;
         let outcome = if after_faulty { Err(Vec::new()) } else { graph.add(stage) };
@@ -61,7 +68,7 @@ pub(super) fn connect(declared: Declared) -> Result<(Vec<MapGroup>, Vec<Node>), 
 }
 
 /// Returns the uses so that each stands after those that it refers to, otherwise in order of the file.
-fn order(stages: &[Use]) -> Result<Vec<usize>, Vec<Problem>> {
+fn order(stages: &[Use], sections: &[Section]) -> Result<Vec<usize>, Vec<Problem>> {
     let mut problems = Vec::new();
     let names: BTreeMap<&str, usize> =
         stages.iter().enumerate().map(|(index, stage)| (stage.name.as_str(), index)).collect();
@@ -72,7 +79,7 @@ fn order(stages: &[Use]) -> Result<Vec<usize>, Vec<Problem>> {
             match names.get(name.as_str()) {
                 Some(target) => reads[index].push((*target, reference)),
                 // A guess looks at all names, and what is beyond the first problems is not shown.
-                None if problems.len() < MOST_SHOWN => problems.push(unknown_stage(name, reference, stages)),
+                None if problems.len() < MOST_SHOWN => problems.push(unknown_stage(name, reference, stages, sections)),
                 None => problems.push(Problem::new(reference.span, format!("the pipeline has no stage `{name}`"))),
             }
         }
@@ -88,10 +95,10 @@ fn order(stages: &[Use]) -> Result<Vec<usize>, Vec<Problem>> {
     Ok(search.done)
 }
 
-fn unknown_stage(name: &str, reference: &Reference, stages: &[Use]) -> Problem {
+fn unknown_stage(name: &str, reference: &Reference, stages: &[Use], sections: &[Section]) -> Problem {
     let problem = Problem::new(reference.span, format!("the pipeline has no stage `{name}`"));
-    if name == MAPS {
-        return problem.with_help("did you mean `$maps`?");
+    if sections.iter().any(|section| section.key == name) {
+        return problem.with_help(format!("did you mean `${name}`?"));
     }
     problem.with_help_from(suggest::help(name, stages.iter().map(|stage| stage.name.as_str())))
 }
@@ -157,18 +164,19 @@ impl Search<'_> {
     }
 }
 
-struct Graph {
+struct Graph<'a> {
     /// The pipeline's seed.
     seed: u64,
-    groups: Vec<MapGroup>,
+    sections: &'a [Section],
+    groups: Vec<Group>,
     nodes: Vec<Node>,
     /// Whether it is still worth saying what was probably meant.
     guesses: bool,
-    /// What each stage makes; the maps stand under the empty name.
+    /// What each stage makes, and with a dollar sign before the key what each section has.
     outputs: BTreeMap<String, Fed>,
 }
 
-impl Graph {
+impl Graph<'_> {
     /// Adds the nodes of a use.
     fn add(&mut self, stage: &Use) -> Result<(), Vec<Problem>> {
         let mut problems = Vec::new();
@@ -180,7 +188,7 @@ impl Graph {
                 Ok(found)
             });
             match found {
-                Ok(found) => fed.push((*port, reference, found)),
+                Ok(found) => fed.push((port, reference, found)),
                 Err(problem) => problems.push(problem),
             }
         }
@@ -218,9 +226,9 @@ impl Graph {
         Some(members.iter().filter_map(|member| Some((self.nodes[*member].member.clone()?, *member))).collect())
     }
 
-    fn push(&mut self, stage: &Use, member: Option<Arc<str>>, fed: &[(&'static Port, &Reference, Fed)]) -> usize {
-        let connect = |(port, _, found): &(&'static Port, &Reference, Fed)| Connection {
-            port: port.name,
+    fn push(&mut self, stage: &Use, member: Option<Arc<str>>, fed: &[(&Port, &Reference, Fed)]) -> usize {
+        let connect = |(port, _, found): &(&Port, &Reference, Fed)| Connection {
+            port: port.name.clone(),
             wire: match found {
                 Fed::One(node) => Wire::One(*node),
                 Fed::Many(nodes) => Wire::Group(Arc::clone(nodes)),
@@ -229,9 +237,9 @@ impl Graph {
         self.nodes.push(Node {
             name: NodeName::new(&stage.name, member.as_deref()),
             member,
-            spec: stage.entry.spec,
+            spec: Arc::clone(&stage.spec),
             stage: Arc::clone(&stage.stage),
-            seed: stage.entry.spec.seeded.then(|| stage.seed.unwrap_or(self.seed)),
+            seed: stage.spec.seeded.then(|| stage.seed.unwrap_or(self.seed)),
             inputs: fed.iter().map(connect).collect(),
         });
         self.nodes.len() - 1
@@ -240,20 +248,25 @@ impl Graph {
     /// Returns what a reference leads to, restricted to its group.
     fn follow(&self, reference: &Reference) -> Result<Fed, Problem> {
         let name = match &reference.target {
-            Target::Maps => "",
-            Target::Stage(name) => name,
+            Target::Section(key) => format!("${key}"),
+            Target::Stage(name) => name.clone(),
         };
-        let output = &self.outputs[name];
+        let output = &self.outputs[&name];
         let Some(group) = &reference.group else {
-            return match output {
-                Fed::Many(members) if members.is_empty() => {
-                    Err(Problem::new(reference.span, "the pipeline has no maps").with_help("add `maps: { GROUP: … }`"))
+            return match (output, &reference.target) {
+                (Fed::Many(members), Target::Section(key)) if members.is_empty() => {
+                    let message = format!("the pipeline has no {key}");
+                    Err(Problem::new(reference.span, message).with_help(format!("add `{key}: {{ GROUP: … }}`")))
                 }
                 _ => Ok(output.clone()),
             };
         };
         let Some(group) = self.groups.iter().find(|have| have.name == *group) else {
-            return Err(Problem::new(reference.span, format!("there is no group of maps `{group}`"))
+            let of = match self.sections {
+                [only] => format!(" of {}s", only.noun),
+                _ => String::new(),
+            };
+            return Err(Problem::new(reference.span, format!("there is no group{of} `{group}`"))
                 .with_help_from(suggest::help(group, self.groups.iter().map(|group| group.name.as_str()))));
         };
         let Fed::Many(members) = output else {
@@ -264,11 +277,11 @@ impl Graph {
         let restricted: Result<Arc<[usize]>, Problem> = group
             .members
             .iter()
-            .map(|map| {
-                let map = &self.nodes[*map].member;
-                have.get(map).copied().ok_or_else(|| {
-                    let map = map.as_deref().unwrap_or_default();
-                    let message = format!("`{name}` has no `{map}`, which is in group `{}`", group.name);
+            .map(|member| {
+                let member = &self.nodes[*member].member;
+                have.get(member).copied().ok_or_else(|| {
+                    let member = member.as_deref().unwrap_or_default();
+                    let message = format!("`{name}` has no `{member}`, which is in group `{}`", group.name);
                     let help = format!("`{name}` is made for {}", self.describe(members));
                     Problem::new(reference.span, message).with_help(help)
                 })
@@ -282,17 +295,19 @@ impl Graph {
             Fed::One(node) => std::slice::from_ref(node).iter(),
             Fed::Many(nodes) => nodes.iter(),
         };
-        let Some(wrong) = nodes.find(|node| self.nodes[**node].spec.output.name != port.kind) else { return Ok(()) };
-        let kind = self.nodes[*wrong].spec.output.name;
+        let Some(wrong) = nodes.find(|node| !port.takes(&self.nodes[**node].spec.output.name)) else { return Ok(()) };
+        let kind = &self.nodes[*wrong].spec.output.name;
         let message = format!("port `{}` takes {}, but `{reference}` is {kind}", port.name, port.kind);
         if !self.guesses {
             return Err(Problem::new(reference.span, message));
         }
         let mut fitting: Vec<String> = Vec::new();
         for node in self.nodes.iter().filter(|node| node.spec.output.name == port.kind) {
-            let name = if node.name.stage() == MAPS { "$maps" } else { node.name.stage() };
-            if fitting.last().is_none_or(|last| last != name) {
-                fitting.push(name.to_owned());
+            let stage = node.name.stage();
+            let is_section = self.sections.iter().any(|section| section.key == stage);
+            let name = if is_section { format!("${stage}") } else { stage.to_owned() };
+            if fitting.last() != Some(&name) {
+                fitting.push(name);
             }
         }
         let help = (!fitting.is_empty())
@@ -312,7 +327,7 @@ impl Graph {
     fn check_members(
         &self,
         stage: &Use,
-        fed: &[(&'static Port, &Reference, Fed)],
+        fed: &[(&Port, &Reference, Fed)],
         whole: bool,
     ) -> Result<Option<Arc<[usize]>>, Problem> {
         let mut groups = fed.iter().filter_map(|(port, reference, found)| match found {
@@ -328,7 +343,11 @@ impl Graph {
             }
             let problem = Problem::new(
                 reference.span,
-                format!("`{first}` and `{reference}` do not hold the same maps, and `{}` needs pairs", stage.name),
+                format!(
+                    "`{first}` and `{reference}` do not hold the same {}, and `{}` needs pairs",
+                    self.nouns(members),
+                    stage.name
+                ),
             )
             .with_label(self.describe(others))
             .with_context(first.span, self.describe(members));
@@ -352,17 +371,27 @@ impl Graph {
 
     /// Names members for people: by their group if they are one, else by the first ones.
     fn describe(&self, members: &[usize]) -> String {
-        let names = self.names(members);
+        let (names, nouns) = (self.names(members), self.nouns(members));
         if let Some(group) = self.groups.iter().find(|group| self.names(&group.members) == names) {
-            return format!("the maps of group `{}`", group.name);
+            return format!("the {nouns} of group `{}`", group.name);
         }
-        let maps = self.nodes.iter().filter(|node| node.name.stage() == MAPS).count();
-        if names.len() == maps {
-            return format!("all {maps} maps");
+        let is_all = |section: &&Section| match &self.outputs[&format!("${}", section.key)] {
+            Fed::Many(all) => self.names(all) == names,
+            Fed::One(_) => false,
+        };
+        if self.sections.iter().any(|section| is_all(&section)) {
+            return format!("all {} {nouns}", names.len());
         }
         let shown: Vec<String> = names.iter().take(4).map(|name| format!("`{name}`")).collect();
         let more = if names.len() > shown.len() { " and more" } else { "" };
-        format!("the maps {}{more}", shown.join(", "))
+        format!("the {nouns} {}{more}", shown.join(", "))
+    }
+
+    /// Returns what members are called: as in the section that has one of the first one's name.
+    fn nouns(&self, members: &[usize]) -> String {
+        let name = members.first().and_then(|first| self.nodes[*first].member.as_deref());
+        let has = |group: &&Group| name.is_some_and(|name| self.names(&group.members).contains(name));
+        self.groups.iter().find(has).map_or_else(|| "members".to_owned(), |group| format!("{}s", group.noun))
     }
 }
 

@@ -5,6 +5,8 @@
 
 mod connect;
 mod declare;
+mod fields;
+mod fold;
 mod names;
 mod overrides;
 mod parameters;
@@ -12,6 +14,7 @@ mod pipeline;
 mod reference;
 mod request;
 mod scalar;
+mod sections;
 pub(crate) mod suggest;
 pub(crate) mod tree;
 mod value;
@@ -25,7 +28,7 @@ use super::stage::StageError;
 use crate::store::{open_regular, read_bounded};
 
 pub(crate) use pipeline::MOST_TASKS;
-pub use pipeline::{Connection, MapGroup, Node, Pipeline, Wire};
+pub use pipeline::{Connection, Group, Node, Pipeline, Wire};
 pub use request::Request;
 
 /// The largest pipeline file: far more than anybody writes, and no more than can be checked in a moment.
@@ -79,12 +82,11 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
     let mut tree = tree::parse(text, 0, 0, request.variables).map_err(|problem| vec![problem])?;
     for (index, setting) in request.sets.iter().enumerate() {
         let number = u16::try_from(index + 1).unwrap_or(u16::MAX);
-        overrides::apply(&mut tree, number, setting, request.variables).map_err(|problem| vec![problem])?;
+        overrides::apply(&mut tree, number, setting, request).map_err(|problem| vec![problem])?;
     }
     let declared = declare::read(&tree, request)?;
-    let maps = declared.groups.iter().map(|group| group.maps.len()).sum::<usize>();
-    if maps > MOST_TASKS {
-        return Err(vec![too_many(maps, "maps")]);
+    if declared.members.len() > MOST_TASKS {
+        return Err(vec![too_many(declared.members.len(), "members")]);
     }
     let stem = request.file.file_stem().map(|stem| stem.to_string_lossy().into_owned());
     let name = declared.name.clone().or(stem).unwrap_or_else(|| "pipeline".to_owned());
@@ -94,7 +96,7 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         return Err(vec![Problem::new(Span::default(), message).with_help("rename the file, or give it a `name:`")]);
     }
     let seed = declared.seed;
-    let (groups, nodes) = connect::connect(declared)?;
+    let (groups, nodes) = connect::connect(declared, &request.register.sections)?;
     if nodes.len() > MOST_TASKS {
         return Err(vec![too_many(nodes.len(), "nodes")]);
     }
@@ -112,6 +114,5 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
 
 fn too_many(count: usize, what: &str) -> Problem {
     let message = format!("the pipeline has {count} {what}; at most {MOST_TASKS} can be planned");
-    Problem::new(Span::default(), message)
-        .with_help("ask for fewer maps, or split them between pipelines over one store")
+    Problem::new(Span::default(), message).with_help("ask for fewer, or split them between pipelines over one store")
 }

@@ -1,9 +1,7 @@
 //! `--set path=value`: changes the tree before it is checked.
 
-use std::collections::BTreeMap;
-
-use super::suggest;
 use super::tree::{self, Data, Member, Tree};
+use super::{Request, suggest};
 use crate::pipeline::error::{Problem, Span};
 
 /// One step of a path, with its place in the setting.
@@ -13,28 +11,26 @@ struct Step<'a> {
 }
 
 /// Applies the setting of that number, counted from 1.
-pub(super) fn apply(
-    tree: &mut Tree,
-    number: u16,
-    setting: &str,
-    variables: &BTreeMap<String, String>,
-) -> Result<(), Problem> {
+pub(super) fn apply(tree: &mut Tree, number: u16, setting: &str, request: &Request) -> Result<(), Problem> {
     let whole = Span::new(number, 0..setting.len());
     let Some((path, text)) = setting.split_once('=') else {
         return Err(Problem::new(whole, format!("`--set {setting}` has no `=`"))
             .with_help("write `--set stage.parameter=value`, such as `--set labels.classes=4`"));
     };
-    let value = tree::parse(text, number, path.len() + 1, variables)?;
+    let value = tree::parse(text, number, path.len() + 1, request.variables)?;
     let steps = steps(path, number)?;
     let head = &steps[0];
-    if matches!(head.name, "seed" | "name" | "maps") {
-        if head.name == "maps" && steps.len() > 1 {
-            known(tree.get("maps").map(|member| &member.value), &steps[1], "group of maps", &[])?;
-        }
+    let section = request.register.sections.iter().find(|section| section.key == head.name);
+    if let Some(section) = section.filter(|_| steps.len() > 1) {
+        let what = format!("group of {}s", section.noun);
+        known(tree.get(&section.key).map(|member| &member.value), &steps[1], &what, &[])?;
+    }
+    if section.is_some() || matches!(head.name, "seed" | "name") {
         return put(tree, &steps, value);
     }
     let stages = tree.get("stages").map(|member| &member.value);
-    known(stages, head, "stage", &["seed", "maps"])?;
+    let sections = request.register.sections.iter().map(|section| &*section.key);
+    known(stages, head, "stage", &std::iter::once("seed").chain(sections).collect::<Vec<_>>())?;
     let Data::Mapping(members) = &mut tree.data else { return Ok(()) };
     let stages = members.iter_mut().find(|member| member.key == "stages").expect("the stage was found in it");
     put(&mut stages.value, &steps, value)

@@ -1,12 +1,13 @@
 //! A checked pipeline: nodes, what they are made of and what they read.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::pipeline::stage::{Stage, StageSpec};
 use crate::store::NodeName;
 
-/// The most nodes of a pipeline, chunks and epochs included: they are planned in memory, at more than a kilobyte each.
+/// The most nodes of a pipeline, chunks and steps included: they are planned in memory, at more than a kilobyte each.
 pub(crate) const MOST_TASKS: usize = 500_000;
 
 /// A checked pipeline: every port is connected to artifacts of the right kind, and there is no cycle.
@@ -22,17 +23,21 @@ pub struct Pipeline {
     pub source: String,
     /// The seed of all nodes that name none of their own.
     pub seed: u64,
-    /// The groups of maps, in order of the file.
-    pub groups: Vec<MapGroup>,
+    /// The groups of what it starts from, in order of the file.
+    pub groups: Vec<Group>,
     /// All nodes; every node stands after those that it reads.
     pub nodes: Vec<Node>,
 }
 
-/// A named group of maps.
+/// A named group of what the pipeline starts from, such as maps for training. A member may be in several.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct MapGroup {
+pub struct Group {
     /// Name of the group.
     pub name: String,
+    /// Key of its section, such as `maps`.
+    pub section: String,
+    /// What a member is called, such as `map`.
+    pub noun: String,
     /// Positions in [`Pipeline::nodes`].
     pub members: Vec<usize>,
 }
@@ -42,10 +47,10 @@ pub struct MapGroup {
 pub struct Node {
     /// `maps/home_03`, `labels/home_03`, `model`.
     pub name: NodeName,
-    /// The map's name, if the node is mapped or is a map.
+    /// The name of the member that it is, or is made for.
     pub member: Option<Arc<str>>,
     /// What is the same for every use of its stage.
-    pub spec: &'static StageSpec,
+    pub spec: Arc<StageSpec>,
     /// The parameters; the nodes of one mapped stage share them.
     pub stage: Arc<dyn Stage>,
     /// What its random numbers start from, if it draws any.
@@ -58,7 +63,7 @@ pub struct Node {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Connection {
     /// Name of the port.
-    pub port: &'static str,
+    pub port: Cow<'static, str>,
     /// What feeds it.
     pub wire: Wire,
 }

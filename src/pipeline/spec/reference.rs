@@ -1,30 +1,37 @@
-//! What a port may say: `$maps`, `$maps.train`, `labels`, `labels.train`.
+//! What a port may say: `$maps`, `$maps.train`, `labels`, `labels.train`; the first two speak of a section of the file.
 
 use super::tree::{Data, Tree};
 use crate::pipeline::error::{Problem, Span};
+use crate::pipeline::stage::Section;
 
-/// A reference to maps or to the artifacts of a stage.
+/// A reference to the members of a section or to the artifacts of a stage.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) struct Reference {
     pub target: Target,
-    /// The group of maps that it is restricted to.
+    /// The group that it is restricted to.
     pub group: Option<String>,
     pub span: Span,
 }
 
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Target {
-    Maps,
+    /// `$maps`: all members of the section of that key.
+    Section(String),
     Stage(String),
 }
 
 impl Reference {
-    /// Reads the value of a port.
-    pub(super) fn read(port: &str, value: &Tree) -> Result<Self, Problem> {
-        const HELP: &str = "write `$maps`, `$maps.GROUP`, `STAGE` or `STAGE.GROUP`";
+    /// Reads the value of a port; `sections` are the keys that a dollar sign may stand before.
+    pub(super) fn read(port: &str, value: &Tree, sections: &[Section]) -> Result<Self, Problem> {
+        let keys = || sections.iter().map(|section| format!("`${}`", section.key)).collect::<Vec<_>>().join(", ");
+        let help = || match sections.first() {
+            Some(first) => format!("write {}, `${}.GROUP`, `STAGE` or `STAGE.GROUP`", keys(), first.key),
+            None => "write `STAGE` or `STAGE.GROUP`".to_owned(),
+        };
         let Data::Text(text) = &value.data else {
-            let message = format!("port `{port}` takes the name of a stage or `$maps`, not {}", value.type_name());
-            return Err(Problem::new(value.span, message).with_help(HELP));
+            let first = sections.first().map(|section| format!(" or `${}`", section.key)).unwrap_or_default();
+            let message = format!("port `{port}` takes the name of a stage{first}, not {}", value.type_name());
+            return Err(Problem::new(value.span, message).with_help(help()));
         };
         let (name, group) = match text.split_once('.') {
             Some((name, group)) => (name, Some(group.to_owned())),
@@ -32,10 +39,10 @@ impl Reference {
         };
         let target = match name.strip_prefix('$') {
             None => Target::Stage(name.to_owned()),
-            Some("maps") => Target::Maps,
+            Some(key) if sections.iter().any(|section| section.key == key) => Target::Section(key.to_owned()),
             Some(_) => {
-                let message = format!("`{text}` is not known: only `$maps` starts with a dollar sign");
-                return Err(Problem::new(value.span, message).with_help(HELP));
+                let message = format!("`{text}` is not known: a dollar sign stands only before {}", keys());
+                return Err(Problem::new(value.span, message).with_help(help()));
             }
         };
         Ok(Self { target, group, span: value.span })
@@ -45,7 +52,7 @@ impl Reference {
 impl std::fmt::Display for Reference {
     fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match &self.target {
-            Target::Maps => formatter.write_str("$maps")?,
+            Target::Section(key) => write!(formatter, "${key}")?,
             Target::Stage(name) => formatter.write_str(name)?,
         }
         match &self.group {

@@ -14,6 +14,6 @@ pub struct Request<'a> {
     pub sets: &'a [String],
     /// What `${VAR}` stands for.
     pub variables: &'a BTreeMap<String, String>,
-    /// All stages and sources of maps.
+    /// All stages, sources and kinds.
     pub register: &'a Register,
 }

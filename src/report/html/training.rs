@@ -107,7 +107,7 @@ fn last_epoch<'r>(source: &Source<'r>, node: &'r RunNode) -> &'r RunNode {
         return node;
     }
     let own = |epoch: &&RunNode| {
-        epoch.role == Role::Epoch && stage_name(epoch) == stage_name(node) && epoch.artifact.is_some()
+        epoch.role == Role::Step && stage_name(epoch) == stage_name(node) && epoch.artifact.is_some()
     };
     source.lineage.run.nodes.iter().rfind(own).unwrap_or(node)
 }

@@ -172,7 +172,7 @@ fn a_variable_may_be_a_number() {
 
 #[test]
 fn the_schema_covers_the_file() {
-    let schema = trodden::pipeline::schema::schema(&toy::REGISTER);
+    let schema = trodden::pipeline::schema::schema(&toy::register());
     assert_eq!(schema["$schema"], "http://json-schema.org/draft-07/schema#");
     let uses = schema["definitions"]["stage"]["oneOf"].as_array().expect("a stage is one of several");
     let label = uses.iter().find(|stage| stage["properties"]["use"]["const"] == "label").expect("the register has it");

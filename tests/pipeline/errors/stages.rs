@@ -151,7 +151,7 @@ fn ports_that_are_wrong() {
       = help: did you mean `$maps`?
     ");
     insta::assert_snapshot!(wrong_stages("  walks: { use: walk, map: $map }\n"), @r"
-    error: `$map` is not known: only `$maps` starts with a dollar sign
+    error: `$map` is not known: a dollar sign stands only before `$maps`
      --> toy.yaml:5:28
       |
     5 |   walks: { use: walk, map: $map }
