@@ -6,6 +6,7 @@
 mod commands;
 mod exports;
 mod maps;
+mod own_stages;
 mod plan_path;
 mod requests;
 mod runs;

@@ -23,6 +23,8 @@ pub enum Need {
     Python,
     /// `chromium`.
     Browser,
+    /// `bwrap`, and the right to make namespaces.
+    Bwrap,
     /// `unshare`, and the right to mount.
     Unshare,
     /// A C compiler, to build a shim with.
@@ -36,7 +38,7 @@ pub enum Need {
 }
 
 impl Need {
-    const ALL: [Self; 12] = [
+    const ALL: [Self; 13] = [
         Self::Oracle,
         Self::Maps,
         Self::Plans,
@@ -44,6 +46,7 @@ impl Need {
         Self::Cases,
         Self::Python,
         Self::Browser,
+        Self::Bwrap,
         Self::Unshare,
         Self::Cc,
         Self::Strace,
@@ -60,6 +63,7 @@ impl Need {
             Self::Cases => "cases",
             Self::Python => "python",
             Self::Browser => "browser",
+            Self::Bwrap => "bwrap",
             Self::Unshare => "unshare",
             Self::Cc => "cc",
             Self::Strace => "strace",

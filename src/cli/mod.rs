@@ -15,6 +15,7 @@ pub(crate) mod heat_file;
 mod import_args;
 mod init;
 mod keep;
+mod log;
 mod look;
 mod ls;
 pub(crate) mod model_files;
@@ -93,6 +94,8 @@ enum Command {
     Runs(runs::Args),
     /// Show an artifact: a raster as a picture, a table as a table.
     Show(show::Args),
+    /// Print what a command of your own printed while it made an artifact.
+    Log(log::Args),
     /// Ask the artifacts in SQL: `SELECT * FROM 'labels/home_00' LIMIT 5`.
     Sql(sql::Args),
     /// Compare the nodes of two runs.
@@ -177,6 +180,7 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Ls(args) => args.run(store, screen),
         Command::Runs(args) => args.run(store, screen),
         Command::Show(args) => args.run(store, screen),
+        Command::Log(args) => args.run(store, screen),
         Command::Sql(args) => args.run(store, screen),
         Command::Diff(args) => args.run(store, screen),
         Command::Report(args) => args.run(store, screen),

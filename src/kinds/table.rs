@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use arrow::array::{Array, ArrayRef, AsArray, RecordBatch};
+use arrow::compute::cast;
 use arrow::datatypes::{
     ArrowPrimitiveType, DataType as ArrowType, Float32Type, Float64Type, Int8Type, Int32Type, Int64Type, UInt8Type,
     UInt32Type, UInt64Type,
@@ -168,7 +169,12 @@ fn column(name: &str, array: &ArrayRef) -> Result<Column, TableError> {
         ArrowType::Float32 => numbers::<Float32Type>(name, array),
         ArrowType::Float64 => numbers::<Float64Type>(name, array),
         ArrowType::List(_) | ArrowType::FixedSizeList(..) => return lists(name, array),
-        other => return Err(TableError::Type { column: name.to_string(), data: other.clone() }),
+        // Of tables of others: whole numbers of other widths as wider ones, the rest as Arrow writes it.
+        other => {
+            let plain = if other.is_integer() { ArrowType::Int64 } else { ArrowType::Utf8 };
+            let failed = |_| TableError::Type { column: name.to_string(), data: other.clone() };
+            return column(name.as_str(), &cast(array, &plain).map_err(failed)?);
+        }
     };
     Ok(series.into())
 }

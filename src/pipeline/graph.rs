@@ -1,6 +1,7 @@
 //! Divides nodes into tasks: the chunks and steps that are cached one by one, and what each of them reads.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::error::PipelineError;
@@ -104,7 +105,12 @@ impl<'p> Graph<'p> {
 
     /// Returns the node of a task.
     pub(crate) fn node(&self, task: usize) -> &'p Node {
-        &self.pipeline.nodes[self.tasks[task].node]
+        self.node_of(&self.tasks[task])
+    }
+
+    /// As [`Graph::node`].
+    pub(crate) fn node_of(&self, task: &Task) -> &'p Node {
+        &self.pipeline.nodes[task.node]
     }
 
     /// Returns the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
@@ -225,6 +231,21 @@ fn feeds(node: &Node, part: Part, made: &[Made]) -> Vec<Feed> {
         }
     };
     read.map(|input| Feed { port: input.port.clone(), origin: feed(&input.wire) }).collect()
+}
+
+/// Returns the endings of the files that a task sees at its ports, by port or by `port/member`.
+pub(crate) fn extensions(graph: &Graph, task: &Task) -> BTreeMap<String, Cow<'static, str>> {
+    let ending = |read: usize| graph.node(read).spec.output.extension.clone();
+    let mut endings = BTreeMap::new();
+    for Feed { port, origin } in &task.ports {
+        match origin {
+            Origin::One(read) => drop(endings.insert(port.to_string(), ending(*read))),
+            Origin::Group(members) => {
+                endings.extend(members.iter().map(|(name, read)| (format!("{port}/{name}"), ending(*read))));
+            }
+        }
+    }
+    endings
 }
 
 impl Task {

@@ -25,8 +25,10 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use serde_json::Value;
+
 use super::error::PipelineError;
-use super::graph::{Graph, Origin, Work};
+use super::graph::{Graph, Origin, Work, extensions};
 use super::stage::{Part, StageError};
 use crate::store::{Artifact, Digest, InputDigest, Key, Recipe, Record, Role, Store, StoreError};
 
@@ -412,10 +414,14 @@ impl<'a> Ledger<'a> {
         for (role, (_, digest)) in self.sources[of.node].iter().filter(|(role, _)| reads(role)) {
             inputs.insert(format!("source:{role}"), InputDigest::One(*digest));
         }
-        let (part, parameters) = match of.work {
+        let (part, mut parameters) = match of.work {
             Work::Part(part) => (part_name(part), node.stage.part_parameters(part)),
             Work::Close => (None, node.stage.parameters()),
         };
+        if let (true, Value::Object(parameters)) = (node.spec.open, &mut parameters) {
+            // Such a stage sees files, and what these are called.
+            parameters.insert("files".to_owned(), serde_json::json!(extensions(self.graph, of)));
+        }
         if of.work == Work::Part(Part::Gather) {
             inputs.insert("parts".to_owned(), many(&of.parts));
         }

@@ -41,8 +41,6 @@ pub enum ReportError {
     /// A table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
-    #[error("there is no way to show a `{kind}`")]
-    UnknownKind { kind: String },
     #[error("`{node}` was not made in this run")]
     Unmade { node: String },
 }
@@ -56,7 +54,6 @@ impl ReportError {
             Self::Kind(error) => error.help(),
             Self::Table(error) => error.help(),
             Self::Unmade { .. } => Some("it failed or was skipped: run the pipeline again".to_owned()),
-            Self::UnknownKind { .. } => Some("a newer version of trodden may have made it".to_owned()),
         }
     }
 }

@@ -1,5 +1,7 @@
 //! An artifact as something to look at: facts, a picture, a table.
 
+use std::io::Read;
+
 use polars::prelude::DataFrame;
 
 use crate::domain::crowd::Summary;
@@ -14,11 +16,13 @@ use crate::domain::tiles::{Target, Tiles};
 use crate::domain::tracks::Tracks;
 use crate::domain::unet::Architecture;
 use crate::kinds::parquet::Table;
-use crate::kinds::{Checkpoint, Heat, Kind, Learned, NavEpisodes, Placed, TrackReader, data_frame};
+use crate::kinds::{
+    Checkpoint, Heat, Kind, Learned, NavEpisodes, Placed, TrackReader, data_frame, outline, plain_metrics,
+};
 use crate::store::{Artifact, FileRef, Store};
 
 use super::ReportError;
-use super::amounts::seconds;
+use super::amounts::{bytes, seconds};
 use super::axis::number;
 use super::colors;
 use super::figures::{figure, measure_name, measured, percent, with_interval};
@@ -27,6 +31,11 @@ use super::tracks::{self, PathCounter};
 
 /// The most windows on a contact sheet.
 const MOST_WINDOWS: usize = 32;
+
+/// The most files that are listed, lines that are shown of a text, and bytes that are looked at for these.
+const MOST_FILES: usize = 50;
+const MOST_LINES: usize = 8;
+const HEAD: u64 = 2048;
 
 /// An artifact as something to look at.
 #[derive(Debug)]
@@ -40,7 +49,7 @@ impl Shown {
     /// Reads an artifact of a kind.
     ///
     /// # Errors
-    /// [`ReportError`] if it is not in the store, damaged, or of a kind that is not known here.
+    /// [`ReportError`] if it is not in the store or damaged.
     pub fn of(store: &Store, kind: &str, artifact: &Artifact) -> Result<Self, ReportError> {
         match kind {
             "OccupancyMap" => Ok(Self::map(&Kind::read(store, artifact)?)),
@@ -54,7 +63,7 @@ impl Shown {
             "ClassScores" => Self::with_table(store, artifact, class_scores(&Kind::read(store, artifact)?)),
             "SocialCosts" => Self::with_table(store, artifact, social_costs(&Kind::read(store, artifact)?)),
             "PathTrials" => Self::with_table(store, artifact, path_trials(&Kind::read(store, artifact)?)),
-            _ => Err(ReportError::UnknownKind { kind: kind.to_owned() }),
+            _ => Self::plain(store, artifact),
         }
     }
 
@@ -83,6 +92,29 @@ impl Shown {
     fn with_table(store: &Store, artifact: &Artifact, facts: Vec<(String, String)>) -> Result<Self, ReportError> {
         let table = artifact.files.first().map(|file| read_table(store, file)).transpose()?;
         Ok(Self { facts, picture: None, table })
+    }
+
+    /// Shows an artifact of a kind of somebody's own as what its files are: a table, or names, sizes and how it begins.
+    fn plain(store: &Store, artifact: &Artifact) -> Result<Self, ReportError> {
+        let outline = outline(store, artifact);
+        let mut facts: Vec<_> =
+            plain_metrics(store, artifact)?.iter().map(|(name, value)| fact(name, number(*value))).collect();
+        if let ([file], false) = (artifact.files.as_slice(), outline.columns.is_empty()) {
+            facts.insert(0, fact("table", format!("{} rows of {} columns", outline.rows, outline.columns.len())));
+            return Ok(Self { facts, picture: None, table: Some(read_table(store, file)?) });
+        }
+        for file in artifact.files.iter().take(MOST_FILES) {
+            let name = if file.name.is_empty() { "size" } else { &file.name };
+            facts.push(fact(name, bytes(file.bytes)));
+        }
+        if artifact.files.len() > MOST_FILES {
+            facts.push(fact("more files", artifact.files.len() - MOST_FILES));
+        }
+        if let [file] = artifact.files.as_slice() {
+            let head = head(&mut store.open_object(&file.digest)?);
+            facts.extend((1..).zip(head).map(|(number, line)| fact(&format!("line {number}"), line)));
+        }
+        Ok(Self { facts, picture: None, table: None })
     }
 
     fn map(map: &OccupancyMap) -> Self {
@@ -337,6 +369,20 @@ fn contact_sheet(tiles: &Tiles) -> Option<Picture> {
     };
     legend.extend([("blocked".to_owned(), colors::WALL), ("free".to_owned(), colors::FREE)]);
     Some(Picture::painted(None, pixels, legend))
+}
+
+/// Returns the first lines of a file if it is text.
+fn head(file: &mut impl Read) -> Vec<String> {
+    let mut bytes = Vec::new();
+    // What cannot be read is not shown.
+    let _ = file.take(HEAD).read_to_end(&mut bytes);
+    let whole = std::str::from_utf8(&bytes).ok().or_else(|| {
+        // A character may be cut at the end.
+        let error = std::str::from_utf8(&bytes).err().filter(|error| error.error_len().is_none())?;
+        std::str::from_utf8(&bytes[..error.valid_up_to()]).ok()
+    });
+    let text = whole.filter(|text| !text.contains(|letter: char| letter.is_control() && !letter.is_whitespace()));
+    text.into_iter().flat_map(str::lines).take(MOST_LINES).map(str::to_owned).collect()
 }
 
 fn read_table(store: &Store, file: &FileRef) -> Result<DataFrame, ReportError> {

@@ -96,7 +96,7 @@ mod tests {
     /// Returns the estimate for 20 episodes of 500 steps on so many square meters, in cells of 0.1 m.
     fn check(crowd: &CrowdConfig, area: u64, agents: u64) {
         let metadata = [("resolution".to_owned(), "0.1".to_owned())].into();
-        let map = Outline { rows: area * 100, metadata };
+        let map = Outline { rows: area * 100, metadata, ..Outline::default() };
         assert_eq!(bytes(crowd, 1, 20, 500, &map), agents * 20 * 500 * 160, "{area} m²");
     }
 

@@ -7,6 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
+use super::files::{patterns, placed, refused_here, relative};
 use super::generate_map::{self, Drawing, GenerateMap};
 use super::import_map::{self, ImportMap};
 use super::map_origin::Origin;
@@ -38,9 +39,6 @@ pub(super) fn section() -> Section {
         .with(filed("files", files_doc, MapForm::Ros))
         .with(filed("igibson", igibson_doc, MapForm::Igibson))
 }
-
-/// What helps when a file is not there.
-const RELATIVE: &str = "a relative path starts at the folder of the file that names it";
 
 /// Which maps of a series to generate.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -128,13 +126,7 @@ fn files(value: &Value, folder: &Path, form: MapForm) -> Result<Vec<SourceNode>,
         other => (other.clone(), ImportConfig::default()),
     };
     config.check().map_err(|error| super::refused_setting(&error))?;
-    let patterns: Vec<String> = match paths {
-        Value::String(path) => vec![path],
-        Value::Array(_) => parse(&paths)?,
-        other => {
-            return Err(refused_here(format!("expected a path, a list of paths or `{{ paths: … }}`, found `{other}`")));
-        }
-    };
+    let patterns = patterns(&paths)?;
     let (mut nodes, mut forms) = (Vec::new(), Vec::new());
     let spec = Arc::new(import_map::spec());
     for (at, pattern) in patterns.iter().enumerate() {
@@ -173,49 +165,12 @@ fn check_forms(config: &ImportConfig, forms: &[MapForm]) -> Result<(), Parameter
     Err(ParameterError { help: import_map::help(&error), ..super::refused(field, error.to_string()) })
 }
 
-/// The paths that a pattern stands for, in order. What names a file or a folder that is there is no pattern, whatever it
-/// looks like.
+/// The maps that a pattern stands for, in order.
 fn matching(pattern: &str, folder: &Path, form: MapForm) -> Result<Vec<PathBuf>, String> {
-    let full = folder.join(pattern);
-    if !pattern.contains(['*', '?', '[']) || full.symlink_metadata().is_ok() {
-        return Ok(vec![full]);
-    }
-    // The folder is not part of the pattern, and may look like one.
-    let folder = PathBuf::from(glob::Pattern::escape(&folder.to_string_lossy()));
-    let wanted = folder.join(pattern);
-    let paths = glob::glob(&wanted.to_string_lossy()).map_err(|error| format!("`{pattern}` is no pattern: {error}"))?;
-    let found: Result<Vec<PathBuf>, glob::GlobError> = paths.collect();
-    let mut found = found.map_err(|error| format!("failed to look for `{pattern}`: {error}"))?;
-    let is_scene = |path: &PathBuf| {
+    let is_scene = |path: &Path| {
         path.is_dir() || path.file_name().is_some_and(|name| igibson_floor(&name.to_string_lossy()).is_some())
     };
-    found.retain(|path| form != MapForm::Igibson || is_scene(path));
-    found.sort();
-    if found.is_empty() { Err(format!("no file matches `{}`", full.display())) } else { Ok(found) }
-}
-
-/// Says where the paths of a pipeline file start.
-fn relative(pattern: &str) -> String {
-    if pattern.starts_with('~') {
-        return "`~` is not expanded: write `${HOME}` instead".to_owned();
-    }
-    RELATIVE.to_owned()
-}
-
-fn refused_here(message: String) -> ParameterError {
-    ParameterError { path: Vec::new(), message, help: None }
-}
-
-/// A refusal of the path at position `at`, wherever the list of paths stands.
-fn placed(at: usize, value: &Value, message: String, help: Option<String>) -> ParameterError {
-    let (mut path, list) = match value {
-        Value::Object(object) => (vec!["paths".to_owned()], object.get("paths").is_some_and(Value::is_array)),
-        other => (Vec::new(), other.is_array()),
-    };
-    if list {
-        path.push(at.to_string());
-    }
-    ParameterError { path, message, help }
+    super::files::matching(pattern, folder, &|path| form != MapForm::Igibson || is_scene(path))
 }
 
 fn refused_file(at: usize, value: &Value, pattern: &str, error: StageError) -> ParameterError {
@@ -230,10 +185,7 @@ fn refused_file(at: usize, value: &Value, pattern: &str, error: StageError) -> P
 
 fn files_schema() -> Value {
     let mut object = schema::<ImportConfig>();
-    let paths = serde_json::json!({
-        "description": "A path or glob, or a list of them; relative ones start at the folder of the pipeline file.",
-        "anyOf": [{ "type": "string" }, { "type": "array", "items": { "type": "string" } }],
-    });
+    let paths = super::files::paths_schema();
     let options = object.as_object_mut().expect("the schema of a structure");
     options.remove("$schema");
     if let Some(properties) = options.get_mut("properties").and_then(Value::as_object_mut) {

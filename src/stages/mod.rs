@@ -5,6 +5,7 @@
 pub mod annotate;
 mod baseline;
 pub mod betweenness;
+pub mod command;
 pub mod compute;
 pub mod cost;
 pub mod criticality;
@@ -12,11 +13,13 @@ mod crowd;
 pub mod crowd_heat;
 mod definition;
 mod episodes;
+mod files;
 pub mod generate_map;
 pub mod hide_rooms;
 pub mod import_map;
 pub mod import_tracks;
 pub mod isovist;
+pub mod kinds;
 pub mod map_origin;
 pub mod maps;
 pub mod navigate;
@@ -63,6 +66,7 @@ pub fn register() -> Register {
         navigate::Navigate::entry(),
         cost::Cost::entry(),
         plan_paths::PlanPaths::entry(),
+        command::Command::entry(),
     ];
-    Register { stages, sections: vec![maps::section()], kinds: Vec::new() }
+    Register { stages, sections: vec![maps::section(), files::section()], kinds: kinds::all() }
 }

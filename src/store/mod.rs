@@ -9,6 +9,7 @@
 //! sources.json          digests of files outside, by path, size and times
 //! temp/<session>/       what a living process is writing, and what it would miss if `gc` took it
 //! locks/                a lock a key, and the one that `gc` shares with everybody
+//! logs/ab/cdef….txt     what commands printed, by key
 //! damaged/              what was found damaged and set aside
 //! cache/                what is quicker to read than to make again; nobody misses it
 //! ```
@@ -53,6 +54,7 @@ mod recipe;
 mod roots;
 mod run;
 mod run_index;
+mod scratch;
 mod seal;
 mod seen;
 mod session;
@@ -86,6 +88,7 @@ pub use prune::{Prune, Pruned};
 pub use recipe::{Difference, InputDigest, Making, Recipe, Record, Remembered};
 pub use run::{Outcome, Run, RunNode, RunStatus};
 pub use run_index::RunSummary;
+pub use scratch::Scratch;
 
 use error::failed;
 use file::{RECORD_MODE, Temporary, list, sync_folder};

@@ -17,7 +17,7 @@ use trodden::kinds::{Heat, Kind, NavEpisodes, NavSample, Placed, Written};
 use trodden::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageSpec, Surroundings};
 use trodden::stages::compute::SIMD_VARIABLE;
 use trodden::stages::register;
-use trodden::store::{Artifact, Store};
+use trodden::store::{Artifact, Digest, Key, Store};
 
 use super::{Place, Room, Told};
 
@@ -102,7 +102,7 @@ fn ranks() -> Placed<Heat> {
 /// A stage of the register with its parameters.
 fn staged(name: &str, parameters: &Value, folder: &Path) -> (Arc<StageSpec>, Arc<dyn Stage>) {
     let register = register();
-    let surroundings = Surroundings { folder, inputs: &[], register: &register };
+    let surroundings = Surroundings { folder, inputs: &[], register: &register, variables: &BTreeMap::new() };
     let entry = register.stages.iter().find(|entry| entry.spec.name == name).expect("a stage");
     (Arc::clone(&entry.spec), entry.parse(parameters, &surroundings).expect("good parameters"))
 }
@@ -139,7 +139,8 @@ impl Bench {
     /// Runs the stage behind the only map of a source.
     fn check_source(&mut self, source: &str, value: &Value) {
         let (register, folder) = (register(), self.place.at("maps"));
-        let surroundings = Surroundings { folder: &folder, inputs: &[], register: &register };
+        let surroundings =
+            Surroundings { folder: &folder, inputs: &[], register: &register, variables: &BTreeMap::new() };
         let source = register.sections[0].sources.iter().find(|entry| entry.name == source).expect("a source");
         let nodes = source.expand(value, &surroundings).expect("good parameters");
         assert_eq!(nodes.len(), 1);
@@ -147,8 +148,16 @@ impl Bench {
     }
 
     fn run(&mut self, spec: &StageSpec, stage: &dyn Stage, part: Part, inputs: &Inputs) -> Artifact {
-        let context =
-            Context { store: &self.store, seed: 7, progress: &|_, _| {}, warn: &|_| {}, cancelled: &|| false };
+        let context = Context {
+            store: &self.store,
+            node: "golden",
+            key: Key::new(Digest::of(b"golden")),
+            seed: 7,
+            progress: &|_, _| {},
+            warn: &|_| {},
+            used: &|_| {},
+            cancelled: &|| false,
+        };
         let output = stage.run(part, inputs, &context).unwrap_or_else(|error| panic!("{}: {error}", spec.name));
         let artifact = match output {
             Output::File(file) => Artifact::single(file),

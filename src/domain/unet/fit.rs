@@ -25,6 +25,15 @@ pub enum Fit {
 }
 
 impl Fit {
+    /// Returns the figure that says most, with its name: the mean recall of classes, or the error of ranks.
+    #[must_use]
+    pub const fn figure(&self) -> (&'static str, f64) {
+        match self {
+            Self::Classes { mean_recall, .. } => ("mean_recall", *mean_recall),
+            Self::Ranks { error } => ("error", *error),
+        }
+    }
+
     pub(super) fn new(outputs: Outputs, tally: &Tally) -> Self {
         if let Outputs::Ranks { .. } = outputs {
             return Self::Ranks { error: tally.error / tally.ranked.max(1) as f64 };

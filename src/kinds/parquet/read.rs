@@ -333,6 +333,8 @@ pub struct Outline {
     pub rows: u64,
     /// What stands beside the table, by key.
     pub metadata: BTreeMap<String, String>,
+    /// The columns by name, with their types.
+    pub columns: Vec<(String, DataType)>,
 }
 
 impl Outline {
@@ -350,7 +352,8 @@ impl Outline {
         }
         let opened = guarded(|| Ok(ArrowReaderMetadata::load(file, ArrowReaderOptions::new())?)).ok()?;
         let rows = u64::try_from(opened.metadata().file_metadata().num_rows()).ok()?;
-        Some(Self { rows, metadata: key_values(&opened) })
+        let columns = opened.schema().fields().iter().map(|field| (field.name().clone(), field.data_type().clone()));
+        Some(Self { rows, metadata: key_values(&opened), columns: columns.collect() })
     }
 
     /// Returns an entry of the metadata as a positive number.

@@ -10,10 +10,10 @@ use std::time::Instant;
 
 use super::clock::timestamp;
 use crate::pipeline::error::causes;
-use crate::pipeline::graph::{Origin, Task, Work};
+use crate::pipeline::graph::{Origin, Task, Work, extensions};
 use crate::pipeline::ledger::{Ledger, Sources};
 use crate::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageError};
-use crate::store::{Artifact, Key, KeyLock, Making, Recipe, Record, Remembered, Store, StoreError};
+use crate::store::{Artifact, Key, KeyLock, Making, NodeName, Recipe, Record, Remembered, Store, StoreError};
 
 /// Progress is sent at most this often, in milliseconds.
 const EVERY_MS: u64 = 100;
@@ -85,6 +85,9 @@ pub(super) struct Assignment<'a> {
     sources: Arc<Sources>,
     key: Key,
     recipe: Recipe,
+    name: NodeName,
+    /// The most memory that programs held which the stage ran.
+    memory: AtomicU64,
     _lock: KeyLock,
 }
 
@@ -111,6 +114,8 @@ impl<'a> Assignment<'a> {
             sources: Arc::clone(&ledger.sources[of.node]),
             key: ledger.keys[task].expect("a task that must run was settled"),
             recipe: *recipe,
+            name: of.name.clone(),
+            memory: AtomicU64::new(0),
             _lock: lock,
         }
     }
@@ -143,7 +148,7 @@ impl<'a> Assignment<'a> {
             program: concat!("trodden ", env!("CARGO_PKG_VERSION")).to_owned(),
             started,
             wall_s: begun.elapsed().as_secs_f64(),
-            memory: None,
+            memory: Some(self.memory.load(Ordering::Relaxed)).filter(|bytes| *bytes > 0),
             sources: self.read_sources(),
         };
         let record = Record { recipe: self.recipe.clone(), artifact, making: Some(making) };
@@ -168,8 +173,19 @@ impl<'a> Assignment<'a> {
         let warn = |message: String| {
             let _ = sender.send(Message::Odd { task: self.task, message });
         };
-        let context =
-            Context { store: self.store, seed: self.seed, progress: &progress, warn: &warn, cancelled: &cancelled };
+        let used = |bytes: u64| {
+            self.memory.fetch_max(bytes, Ordering::Relaxed);
+        };
+        let context = Context {
+            store: self.store,
+            node: &self.name,
+            key: self.key,
+            seed: self.seed,
+            progress: &progress,
+            warn: &warn,
+            used: &used,
+            cancelled: &cancelled,
+        };
         // Nothing of what the stage worked on is looked at afterwards.
         match catch_unwind(AssertUnwindSafe(|| self.stage.run(part, &self.inputs, &context))) {
             Ok(result) => Ok(result?),
@@ -222,6 +238,9 @@ pub(super) fn inputs(ledger: &Ledger, of: &Task) -> Inputs {
             Origin::Group(members) => Input::Group(members.iter().map(named).collect()),
         };
         inputs.ports.insert(feed.port.to_string(), input);
+    }
+    if ledger.graph.node_of(of).spec.open {
+        inputs.extensions = extensions(ledger.graph, of);
     }
     inputs.sources.clone_from(&ledger.sources[of.node]);
     inputs

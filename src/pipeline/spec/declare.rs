@@ -59,7 +59,7 @@ pub(super) fn read(tree: &Tree, request: &Request) -> Result<Declared, Vec<Probl
     let name = tree.get("name").and_then(|member| keep(read_name(member), &mut problems));
     let seed = tree.get("seed").and_then(|member| keep(read_seed(&member.value), &mut problems)).unwrap_or(0);
     let folder = request.file.parent().unwrap_or_else(|| Path::new(""));
-    let surroundings = Surroundings { folder, inputs: &[], register };
+    let surroundings = Surroundings { folder, inputs: &[], register, variables: request.variables };
     let Sections { members, groups } = sections::read(tree, &surroundings, &mut problems);
     let stages = match tree.get("stages") {
         Some(member) => read_stages(&member.value, &surroundings, &mut problems),

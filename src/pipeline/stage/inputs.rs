@@ -1,5 +1,6 @@
 //! What a part reads.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -14,6 +15,8 @@ pub struct Inputs {
     pub parts: Vec<(String, Artifact)>,
     /// The artifact of the step before, for [`Part::Step`](super::Part::Step) after the first.
     pub previous: Option<Artifact>,
+    /// For an [open](super::StageSpec::open) stage, the endings of the files at its ports, by port or by `port/member`.
+    pub extensions: BTreeMap<String, Cow<'static, str>>,
     /// The source files by role, with the digests they had when the recipe was made.
     pub sources: BTreeMap<String, (PathBuf, Digest)>,
 }

@@ -6,7 +6,7 @@ use crate::store::{Artifact, Store};
 /// What is known of a kind beside its name: how to check an artifact of it, and which figures sum it up.
 ///
 /// Kinds that no register knows are fine, too: they are shown as what their files are.
-pub trait KindType: Send + Sync {
+pub trait KindType: std::fmt::Debug + Send + Sync {
     /// Returns name, format and ending.
     fn spec(&self) -> KindSpec;
 

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 
 use serde_json::Value;
 
-use crate::store::{FileRef, Store};
+use crate::store::{FileRef, Key, Store};
 
 pub use error::{ParameterError, StageError};
 pub use inputs::{Input, Inputs};
@@ -155,12 +155,18 @@ pub enum Output {
 pub struct Context<'a> {
     /// Where artifacts are read from and written to.
     pub store: &'a Store,
+    /// The name of the node or part.
+    pub node: &'a str,
+    /// The key of its recipe.
+    pub key: Key,
     /// The seed of this use of the stage, or else the pipeline's.
     pub seed: u64,
     /// Called with what is done and what there is to do.
     pub progress: &'a (dyn Fn(u64, u64) + Sync),
     /// Called with what is odd about the work, but no reason to fail: a fragment that says what and what helps.
     pub warn: &'a (dyn Fn(String) + Sync),
+    /// Called with the most memory, in bytes, that programs held which the stage ran.
+    pub used: &'a (dyn Fn(u64) + Sync),
     /// Tells whether to stop at the next safe point.
     pub cancelled: &'a (dyn Fn() -> bool + Sync),
 }

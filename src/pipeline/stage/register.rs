@@ -1,6 +1,7 @@
 //! The stages, sources and kinds that a program has.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -17,6 +18,8 @@ pub struct Surroundings<'a> {
     pub inputs: &'a [Port],
     /// All stages, sources and kinds.
     pub register: &'a Register,
+    /// The environment's variables.
+    pub variables: &'a BTreeMap<String, String>,
 }
 
 type Parse = dyn Fn(&Value, &Surroundings) -> Result<Arc<dyn Stage>, ParameterError> + Send + Sync;
@@ -191,7 +194,7 @@ impl Register {
 
     /// Returns a kind by its name.
     #[must_use]
-    pub fn kind(&self, name: &str) -> Option<&dyn KindType> {
-        self.kinds.iter().find(|kind| kind.spec().name == name).map(|kind| &**kind)
+    pub fn kind(&self, name: &str) -> Option<&Arc<dyn KindType>> {
+        self.kinds.iter().find(|kind| kind.spec().name == name)
     }
 }
