@@ -4,6 +4,7 @@ mod errors;
 mod plans;
 mod runs;
 mod sharing;
+mod sweeps;
 mod toy;
 mod trouble;
 mod whys;
@@ -46,7 +47,7 @@ fn read(text: &str, sets: &[&str]) -> Result<Pipeline, PipelineError> {
 fn read_in(file: &Path, text: &str, sets: &[&str]) -> Result<Pipeline, PipelineError> {
     let sets: Vec<String> = sets.iter().map(|set| (*set).to_owned()).collect();
     let variables = [("MAPS", "a/b"), ("FOUR", "4")].map(|(name, value)| (name.to_owned(), value.to_owned())).into();
-    spec::parse(text, &Request { file, sets: &sets, variables: &variables, register: &toy::register() })
+    spec::parse(text, &Request::new(file, &sets, &variables, &toy::register()))
 }
 
 /// Reads a pipeline that is right.

@@ -34,6 +34,8 @@ mod signals;
 mod simulate;
 mod sql;
 mod status;
+mod sweep;
+mod table;
 mod track_args;
 mod verify;
 mod why;
@@ -82,6 +84,10 @@ pub struct Cli {
 enum Command {
     /// Run a pipeline: everything that is not in the store yet.
     Run(run::Args),
+    /// Run many variants of a pipeline at once: what they share is made once.
+    Sweep(sweep::Args),
+    /// Compare runs and variants in a table: what differs, and what came of it.
+    Table(table::Args),
     /// Show what a run would do.
     Plan(plan::Args),
     /// Say why a node ran, or would run: what differs from the pipeline's previous run.
@@ -174,6 +180,8 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
     let store = cli.store.as_path();
     match &cli.command {
         Command::Run(args) => args.run(register, store, screen),
+        Command::Sweep(args) => args.run(register, store, screen),
+        Command::Table(args) => args.run(register, store, screen),
         Command::Plan(args) => args.run(register, store, screen),
         Command::Why(args) => args.run(register, store, screen),
         Command::Status(args) => args.run(store, screen),

@@ -31,6 +31,26 @@ impl PipelineArgs {
     pub fn load(&self, register: &Register) -> Result<Pipeline, CliError> {
         load(&self.file, &self.sets, register)
     }
+
+    /// Reads and checks the pipeline with more that varies than its file says.
+    ///
+    /// # Errors
+    /// As [`PipelineArgs::load`].
+    pub fn load_swept(
+        &self,
+        axes: &[String],
+        sample: Option<(usize, u64)>,
+        register: &Register,
+    ) -> Result<Pipeline, CliError> {
+        let variables = variables();
+        let request = spec::Request::new(&self.file, &self.sets, &variables, register);
+        Ok(spec::load(&spec::Request { axes, sample, ..request })?)
+    }
+}
+
+fn variables() -> BTreeMap<String, String> {
+    let text = |value: std::ffi::OsString| value.into_string().ok();
+    std::env::vars_os().filter_map(|(name, value)| Some((text(name)?, text(value)?))).collect()
 }
 
 /// Reads and checks a pipeline file.
@@ -38,10 +58,7 @@ impl PipelineArgs {
 /// # Errors
 /// [`CliError::Pipeline`] with all that is wrong with the file.
 pub fn load(file: &Path, sets: &[String], register: &Register) -> Result<Pipeline, CliError> {
-    let text = |value: std::ffi::OsString| value.into_string().ok();
-    let variables: BTreeMap<String, String> =
-        std::env::vars_os().filter_map(|(name, value)| Some((text(name)?, text(value)?))).collect();
-    Ok(spec::load(&spec::Request { file, sets, variables: &variables, register })?)
+    Ok(spec::load(&spec::Request::new(file, sets, &variables(), register))?)
 }
 
 /// Reads an age such as `30m`, `12h`, `1d` or `0s`.

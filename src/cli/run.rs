@@ -14,6 +14,7 @@ use super::screen::Screen;
 use super::signals;
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute};
+use crate::pipeline::spec::Pipeline;
 use crate::pipeline::stage::Register;
 use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
@@ -63,9 +64,23 @@ fn positive(text: &str) -> Result<f64, String> {
 
 impl Args {
     pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        let pipeline = self.pipeline.load(register)?;
+        Ok(self.run_pipeline(&self.pipeline.load(register)?, store, screen)?.0)
+    }
+
+    /// Returns the pipeline that is asked for.
+    pub(super) const fn pipeline(&self) -> &PipelineArgs {
+        &self.pipeline
+    }
+
+    /// Runs a pipeline; returns the id of the run, too, unless it was only planned.
+    pub(super) fn run_pipeline(
+        &self,
+        pipeline: &Pipeline,
+        store: &Path,
+        screen: &Screen,
+    ) -> Result<(ExitCode, Option<String>), CliError> {
         if self.dry_run {
-            return print_plan(&pipeline, store, &self.only, false, screen);
+            return Ok((print_plan(pipeline, store, &self.only, false, screen)?, None));
         }
         let cancelled = Arc::new(AtomicBool::new(false));
         signals::listen(&cancelled);
@@ -85,7 +100,7 @@ impl Args {
         };
         let mut bars = Bars::new(style);
         let mut last = None;
-        let report = execute(&pipeline, &store, &options, &mut |event| {
+        let report = execute(pipeline, &store, &options, &mut |event| {
             // The last line is for the end, when the report is written.
             if matches!(event, Event::Run { .. }) { last = Some(event.clone()) } else { bars.hear(event) }
         })?;
@@ -117,11 +132,11 @@ impl Args {
             if let Err(error) = page {
                 screen.remark(format!("warning: no report was written: {}", error.message()));
             }
-            return Ok(code);
+            return Ok((code, Some(report.run.id)));
         }
         bars.take_failure().map_or(told, |failure| Err(CliError::output(failure)))?;
         page.map_err(|error| CliError::Unreported { message: error.message(), help: error.help() })?;
-        Ok(code)
+        Ok((code, Some(report.run.id)))
     }
 }
 

@@ -5,7 +5,8 @@
 //! - [`plain`]: text that gives a terminal no orders;
 //! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
 //! - [`viewer`]: a map to look at closely, in a page of its own or in a report;
-//! - [`html`]: the report of a run.
+//! - [`study`]: runs and variants side by side;
+//! - [`html`]: the report of a run, and the page of a study.
 //!
 //! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
 
@@ -21,6 +22,7 @@ pub mod picture;
 pub mod plain;
 pub mod png;
 mod shown;
+pub mod study;
 pub mod terminal;
 mod tracks;
 pub mod viewer;
@@ -38,6 +40,9 @@ pub enum ReportError {
     /// The artifact is not what its kind says.
     #[error(transparent)]
     Kind(#[from] KindError),
+    /// A kind of one's own says that an artifact is not what it should be.
+    #[error(transparent)]
+    Own(Box<dyn std::error::Error + Send + Sync>),
     /// A table cannot be read.
     #[error(transparent)]
     Table(#[from] TableError),
@@ -53,6 +58,7 @@ impl ReportError {
             Self::Store(error) => error.help(),
             Self::Kind(error) => error.help(),
             Self::Table(error) => error.help(),
+            Self::Own(_) => None,
             Self::Unmade { .. } => Some("it failed or was skipped: run the pipeline again".to_owned()),
         }
     }

@@ -82,11 +82,11 @@ pub use file::write_whole;
 pub use journal::Journal;
 pub use key_lock::KeyLock;
 pub use latest::LatestEntry;
-pub use node_name::{NodeName, NodePart, Role};
+pub use node_name::{NodeName, NodePart, Role, VARIANT};
 pub use object::ObjectWriter;
 pub use prune::{Prune, Pruned};
 pub use recipe::{Difference, InputDigest, Making, Recipe, Record, Remembered};
-pub use run::{Outcome, Run, RunNode, RunStatus};
+pub use run::{Outcome, Run, RunNode, RunStatus, RunVariant};
 pub use run_index::RunSummary;
 pub use scratch::Scratch;
 

@@ -22,6 +22,9 @@ pub struct NodeName {
     part: Option<NodePart>,
 }
 
+/// Stands between the name of a stage and what tells its variants apart.
+pub const VARIANT: char = '@';
+
 /// What a node is to the pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -68,7 +71,8 @@ impl NodePart {
 }
 
 impl NodeName {
-    /// Names the node of a use of a stage, or that of one member of the group that it is made for.
+    /// Names the node of a use of a stage, or that of one member of the group that it is made for. What tells variants apart
+    /// may stand behind the name of the use, after [`VARIANT`].
     #[must_use]
     pub fn new(stage: &str, member: Option<&str>) -> Self {
         let text: Arc<str> = match member {
@@ -104,7 +108,14 @@ impl NodeName {
     /// Returns the name that the pipeline's file gives the use of the stage: `walks`.
     #[must_use]
     pub fn stage(&self) -> &str {
-        &self.text[..self.stage]
+        let whole = &self.text[..self.stage];
+        whole.split_once(VARIANT).map_or(whole, |(stage, _)| stage)
+    }
+
+    /// Returns what tells it from the same node of other variants: `classes=4` of `labels@classes=4/home_03`.
+    #[must_use]
+    pub fn variant(&self) -> Option<&str> {
+        self.text[..self.stage].split_once(VARIANT).map(|(_, variant)| variant)
     }
 
     /// Returns the name of the member that the node is made for: `home_03`.
@@ -147,7 +158,7 @@ impl NodeName {
     /// Tells whether a name given by a user means it: its own, that of its node, or that of its stage.
     #[must_use]
     pub fn is_meant_by(&self, name: &str) -> bool {
-        name == self.as_str() || name == self.node() || name == self.stage()
+        name == self.as_str() || name == self.node() || name == self.stage() || name == &self.text[..self.stage]
     }
 }
 
@@ -294,6 +305,10 @@ mod tests {
         check(&step, "model/epoch-107", ("model", None, Some(NodePart::Step(107))));
         assert_eq!((step.node(), step.step(), step.role()), ("model", Some(107), Role::Step));
         assert_eq!(chunk.part_of(NodePart::Chunk(3)).as_str(), "walks/home_03/chunk-03");
+        let variant = NodeName::new("labels@classes=4", Some("home_03"));
+        check(&variant, "labels@classes=4/home_03", ("labels", Some("home_03"), None));
+        assert_eq!((variant.variant(), walks.variant()), (Some("classes=4"), None));
+        assert!(["labels", "labels@classes=4"].into_iter().all(|meant| variant.is_meant_by(meant)));
         // A map may be called like a part.
         let odd = NodeName::new("labels", Some("epoch-07"));
         check(&odd, "labels/epoch-07", ("labels", Some("epoch-07"), None));

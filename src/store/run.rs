@@ -56,10 +56,22 @@ pub struct Run {
     pub keep: bool,
     /// All nodes, chunks and steps in the order of the plan; while it runs, those that are done with.
     pub nodes: Vec<RunNode>,
+    /// What a sweep went through, in its order; empty without one.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub variants: Vec<RunVariant>,
     /// What there was to warn of.
     pub warnings: Vec<String>,
     /// Version of the program.
     pub version: String,
+}
+
+/// One variant of a swept pipeline.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct RunVariant {
+    /// What is set in it: paths and values.
+    pub settings: Vec<(String, String)>,
+    /// Names of its nodes that none of its others read; the rest is what these read, at first or second hand.
+    pub ends: Vec<String>,
 }
 
 /// Where a run stands.

@@ -4,13 +4,19 @@ use std::time::{Duration, Instant};
 
 use super::Options;
 use super::clock::Begun;
-use crate::pipeline::spec::Pipeline;
-use crate::store::{Journal, Key, Run, RunNode, RunStatus, Store, StoreError};
+use crate::pipeline::spec::{Pipeline, Variant};
+use crate::store::{Journal, Key, Run, RunNode, RunStatus, RunVariant, Store, StoreError};
 
 /// How often the record of a run that goes on is written, at most.
 const EVERY: Duration = Duration::from_secs(5);
 /// How much longer than writing it took is waited until it is written again: large records cost little, too.
 const SHARE: u32 = 50;
+
+/// Names the ends of a variant.
+fn recorded(variant: &Variant, pipeline: &Pipeline) -> RunVariant {
+    let ends = variant.ends.iter().map(|end| pipeline.nodes[*end].name.to_string()).collect();
+    RunVariant { settings: variant.settings.clone(), ends }
+}
 
 /// The record of the run that goes on.
 pub(super) struct Recorder<'a> {
@@ -33,6 +39,7 @@ impl<'a> Recorder<'a> {
             sets: pipeline.sets.clone(),
             only: options.only.clone(),
             source: pipeline.source.clone(),
+            variants: pipeline.variants.iter().map(|variant| recorded(variant, pipeline)).collect(),
             started: begun.started,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             ..Run::default()

@@ -1,15 +1,16 @@
 //! Follows references: orders the uses, finds cycles, checks kinds, and maps stages over groups.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::sync::Arc;
 
 use super::declare::{Declared, Use};
+use super::labels::{Labels, Marks};
 use super::reference::{Reference, Target};
-use super::sections;
+use super::sections::Sections;
 use super::{Connection, Group, Node, Wire, suggest};
 use crate::pipeline::error::{MOST_SHOWN, Problem};
 use crate::pipeline::stage::{Port, Section};
-use crate::store::NodeName;
+use crate::store::{NodeName, VARIANT};
 
 /// What a reference leads to.
 #[derive(Debug, Clone)]
@@ -18,57 +19,130 @@ enum Fed {
     Many(Arc<[usize]>),
 }
 
-/// Builds the nodes of all sections and stages.
-pub(super) fn connect(declared: Declared, sections: &[Section]) -> Result<(Vec<Group>, Vec<Node>), Vec<Problem>> {
-    let order = order(&declared.stages, sections)?;
-    let mut graph = Graph {
-        seed: declared.seed,
-        sections,
-        groups: Vec::new(),
-        nodes: Vec::new(),
-        guesses: true,
-        outputs: BTreeMap::new(),
-    };
-    for source in declared.members {
-        graph.nodes.push(Node {
-            name: NodeName::new(&source.section, Some(&source.node.name)),
-            member: Some(Arc::from(source.node.name)),
-            seed: source.node.spec.seeded.then(|| source.seed.unwrap_or(declared.seed)),
-            spec: source.node.spec,
-            stage: source.node.stage,
-            inputs: Vec::new(),
-        });
-    }
-    for group in declared.groups {
-        let sections::Group { name, section, noun, members } = group;
-        graph.groups.push(Group { name, section, noun, members });
-    }
-    for section in sections {
-        let of_section = |position: &usize| graph.nodes[*position].name.stage() == section.key;
-        let all = (0..graph.nodes.len()).filter(of_section).collect();
-        graph.outputs.insert(format!("${}", section.key), Fed::Many(all));
+/// Builds the nodes of a pipeline, or of all variants of one: what is the same in several of them is one node.
+pub(super) struct Connector<'a> {
+    sections: &'a [Section],
+    nodes: Vec<Node>,
+    /// The nodes by what they are; only where there are variants.
+    known: Option<Known>,
+}
+
+/// What is known of nodes of other variants.
+#[derive(Default)]
+struct Known {
+    nodes: HashMap<Identity, usize>,
+    names: HashSet<String>,
+}
+
+/// What makes two nodes of two variants the same.
+#[derive(PartialEq, Eq, Hash)]
+struct Identity {
+    /// The use or the section.
+    owner: String,
+    member: Option<Arc<str>>,
+    /// The address of the stage: equal ones are shared.
+    stage: usize,
+    seed: Option<u64>,
+    inputs: Vec<Connection>,
+}
+
+/// The nodes of one variant.
+pub(super) struct Connected {
+    pub groups: Vec<Group>,
+    /// Those that no other reads.
+    pub ends: Vec<usize>,
+}
+
+impl<'a> Connector<'a> {
+    /// Begins without nodes; `many` tells whether there will be variants.
+    pub(super) fn new(sections: &'a [Section], many: bool) -> Self {
+        Self { sections, nodes: Vec::new(), known: many.then(Known::default) }
     }
 
-    let mut problems = Vec::new();
-    let mut faulty = BTreeSet::new();
-    for index in order {
-        let stage = &declared.stages[index];
-        let after_faulty = stage.ports.iter().any(|(_, reference)| match &reference.target {
-            Target::Stage(name) => faulty.contains(name.as_str()),
-            Target::Section(_) => false,
-        });
-        graph.guesses = problems.len() < MOST_SHOWN;
-        let outcome = if after_faulty { Err(Vec::new()) } else { graph.add(stage) };
-        if let Err(more) = outcome {
-            faulty.insert(stage.name.as_str());
-            problems.extend(more);
-        }
+    /// Returns all nodes.
+    pub(super) fn finish(self) -> Vec<Node> {
+        self.nodes
     }
-    if problems.is_empty() { Ok((graph.groups, graph.nodes)) } else { Err(problems) }
+
+    /// Returns how many nodes there are.
+    pub(super) const fn len(&self) -> usize {
+        self.nodes.len()
+    }
+
+    /// Adds the nodes of what is declared; `labels` tells variants apart.
+    pub(super) fn add(&mut self, declared: &Declared, labels: &Labels) -> Result<Connected, Vec<Problem>> {
+        let order = order(&declared.stages, self.sections)?;
+        let marks = labels.mark(&declared.stages, &order);
+        let mut graph = Graph {
+            seed: declared.seed,
+            sections: self.sections,
+            groups: Vec::new(),
+            connector: self,
+            marks,
+            guesses: true,
+            outputs: BTreeMap::new(),
+            read: BTreeSet::new(),
+        };
+        graph.add_sections(&declared.sections);
+        let mut problems = Vec::new();
+        let mut faulty = BTreeSet::new();
+        for index in order {
+            let stage = &declared.stages[index];
+            let after_faulty = stage.ports.iter().any(|(_, reference)| match &reference.target {
+                Target::Stage(name) => faulty.contains(name.as_str()),
+                Target::Section(_) => false,
+            });
+            graph.guesses = problems.len() < MOST_SHOWN;
+            let outcome = if after_faulty { Err(Vec::new()) } else { graph.add(stage) };
+            if let Err(more) = outcome {
+                faulty.insert(stage.name.as_str());
+                problems.extend(more);
+            }
+        }
+        if !problems.is_empty() {
+            return Err(problems);
+        }
+        let ends = if labels.is_empty() { Vec::new() } else { graph.ends() };
+        Ok(Connected { groups: graph.groups, ends })
+    }
+
+    /// Adds a node unless it is there; `marks` is what its name has if that is needed to tell it from others.
+    fn push(&mut self, node: Node, owner: &str, marks: &Marks) -> usize {
+        let Some(known) = &mut self.known else {
+            self.nodes.push(node);
+            return self.nodes.len() - 1;
+        };
+        let identity = Identity {
+            owner: owner.to_owned(),
+            member: node.member.clone(),
+            stage: Arc::as_ptr(&node.stage).cast::<()>().addr(),
+            seed: node.seed,
+            inputs: node.inputs.clone(),
+        };
+        if let Some(there) = known.nodes.get(&identity) {
+            return *there;
+        }
+        let named = |label: &str| match label {
+            "" => NodeName::new(owner, node.member.as_deref()),
+            label => NodeName::new(&format!("{owner}{VARIANT}{label}"), node.member.as_deref()),
+        };
+        let mut name = named(&marks.own);
+        if known.names.contains(name.as_str()) {
+            name = named(&marks.all);
+        }
+        let mut number = 1;
+        while !known.names.insert(name.to_string()) {
+            number += 1;
+            name = named(&format!("{},{number}", marks.all));
+        }
+        self.nodes.push(Node { name, ..node });
+        known.nodes.insert(identity, self.nodes.len() - 1);
+        self.nodes.len() - 1
+    }
 }
 
 /// Returns the uses so that each stands after those that it refers to, otherwise in order of the file.
-fn order(stages: &[Use], sections: &[Section]) -> Result<Vec<usize>, Vec<Problem>> {
+fn order(stages: &[Arc<Use>], sections: &[Section]) -> Result<Vec<usize>, Vec<Problem>> {
     let mut problems = Vec::new();
     let names: BTreeMap<&str, usize> =
         stages.iter().enumerate().map(|(index, stage)| (stage.name.as_str(), index)).collect();
@@ -95,7 +169,7 @@ fn order(stages: &[Use], sections: &[Section]) -> Result<Vec<usize>, Vec<Problem
     Ok(search.done)
 }
 
-fn unknown_stage(name: &str, reference: &Reference, stages: &[Use], sections: &[Section]) -> Problem {
+fn unknown_stage(name: &str, reference: &Reference, stages: &[Arc<Use>], sections: &[Section]) -> Problem {
     let problem = Problem::new(reference.span, format!("the pipeline has no stage `{name}`"));
     if sections.iter().any(|section| section.key == name) {
         return problem.with_help(format!("did you mean `${name}`?"));
@@ -112,7 +186,7 @@ enum State {
 
 /// A depth-first search that remembers its path, to name a cycle.
 struct Search<'a> {
-    stages: &'a [Use],
+    stages: &'a [Arc<Use>],
     reads: &'a [Vec<(usize, &'a Reference)>],
     state: Vec<State>,
     /// The open uses, each with how many of those that it reads were looked at.
@@ -164,19 +238,65 @@ impl Search<'_> {
     }
 }
 
-struct Graph<'a> {
+struct Graph<'a, 'c> {
     /// The pipeline's seed.
     seed: u64,
     sections: &'a [Section],
     groups: Vec<Group>,
-    nodes: Vec<Node>,
+    connector: &'c mut Connector<'a>,
+    /// What the nodes of each use are told from those of other variants by.
+    marks: BTreeMap<String, Marks>,
     /// Whether it is still worth saying what was probably meant.
     guesses: bool,
     /// What each stage makes, and with a dollar sign before the key what each section has.
     outputs: BTreeMap<String, Fed>,
+    /// The nodes that others read.
+    read: BTreeSet<usize>,
 }
 
-impl Graph<'_> {
+impl Graph<'_, '_> {
+    fn nodes(&self) -> &[Node] {
+        &self.connector.nodes
+    }
+
+    fn add_sections(&mut self, found: &Sections) {
+        let mut positions = Vec::with_capacity(found.members.len());
+        for source in &found.members {
+            let node = Node {
+                name: NodeName::new(&source.section, Some(&source.node.name)),
+                member: Some(Arc::from(source.node.name.as_str())),
+                seed: source.node.spec.seeded.then(|| source.seed.unwrap_or(self.seed)),
+                spec: Arc::clone(&source.node.spec),
+                stage: Arc::clone(&source.node.stage),
+                inputs: Vec::new(),
+            };
+            let marks = self.marks.get(&format!("${}", source.section)).cloned().unwrap_or_default();
+            positions.push(self.connector.push(node, &source.section, &marks));
+        }
+        for group in &found.groups {
+            let members = group.members.iter().map(|member| positions[*member]).collect();
+            let (name, section, noun) = (group.name.clone(), group.section.clone(), group.noun.clone());
+            self.groups.push(Group { name, section, noun, members });
+        }
+        for section in self.sections {
+            let of_section = found.members.iter().zip(&positions).filter(|(source, _)| source.section == section.key);
+            let all = of_section.map(|(_, position)| *position).collect();
+            self.outputs.insert(format!("${}", section.key), Fed::Many(all));
+        }
+    }
+
+    /// Returns the nodes that none of the others read.
+    fn ends(&self) -> Vec<usize> {
+        let all = self.outputs.iter().filter(|(name, _)| !name.starts_with('$'));
+        let all = all.flat_map(|(_, output)| match output {
+            Fed::One(node) => std::slice::from_ref(node),
+            Fed::Many(nodes) => nodes,
+        });
+        let mut ends: Vec<usize> = all.copied().filter(|node| !self.read.contains(node)).collect();
+        ends.sort_unstable();
+        ends
+    }
+
     /// Adds the nodes of a use.
     fn add(&mut self, stage: &Use) -> Result<(), Vec<Problem>> {
         let mut problems = Vec::new();
@@ -200,7 +320,7 @@ impl Graph<'_> {
         let output = match over {
             None => Fed::One(self.push(stage, None, &fed)),
             Some(members) => {
-                let names: Vec<_> = members.iter().map(|member| self.nodes[*member].member.clone()).collect();
+                let names: Vec<_> = members.iter().map(|member| self.nodes()[*member].member.clone()).collect();
                 let lookups: Vec<_> = fed.iter().map(|(port, _, found)| self.by_member(port, found)).collect();
                 let nodes = names.into_iter().map(|name| {
                     let fed = fed.iter().zip(&lookups).map(|((port, reference, found), lookup)| {
@@ -223,7 +343,7 @@ impl Graph<'_> {
     /// Returns the members of a group, by their names, at a port that takes one of them at a time.
     fn by_member(&self, port: &Port, found: &Fed) -> Option<BTreeMap<Arc<str>, usize>> {
         let (false, Fed::Many(members)) = (port.arity.takes_group(), found) else { return None };
-        Some(members.iter().filter_map(|member| Some((self.nodes[*member].member.clone()?, *member))).collect())
+        Some(members.iter().filter_map(|member| Some((self.nodes()[*member].member.clone()?, *member))).collect())
     }
 
     fn push(&mut self, stage: &Use, member: Option<Arc<str>>, fed: &[(&Port, &Reference, Fed)]) -> usize {
@@ -234,15 +354,25 @@ impl Graph<'_> {
                 Fed::Many(nodes) => Wire::Group(Arc::clone(nodes)),
             },
         };
-        self.nodes.push(Node {
+        let inputs: Vec<Connection> = fed.iter().map(connect).collect();
+        if !self.marks.is_empty() {
+            for input in &inputs {
+                match &input.wire {
+                    Wire::One(node) => drop(self.read.insert(*node)),
+                    Wire::Group(nodes) => self.read.extend(nodes.iter()),
+                }
+            }
+        }
+        let node = Node {
             name: NodeName::new(&stage.name, member.as_deref()),
             member,
             spec: Arc::clone(&stage.spec),
             stage: Arc::clone(&stage.stage),
             seed: stage.spec.seeded.then(|| stage.seed.unwrap_or(self.seed)),
-            inputs: fed.iter().map(connect).collect(),
-        });
-        self.nodes.len() - 1
+            inputs,
+        };
+        let marks = self.marks.get(&stage.name).cloned().unwrap_or_default();
+        self.connector.push(node, &stage.name, &marks)
     }
 
     /// Returns what a reference leads to, restricted to its group.
@@ -273,12 +403,12 @@ impl Graph<'_> {
             let message = format!("`{name}` makes one artifact: it has no group `{}`", group.name);
             return Err(Problem::new(reference.span, message).with_help(format!("write `{name}`")));
         };
-        let have: BTreeMap<_, _> = members.iter().map(|member| (&self.nodes[*member].member, *member)).collect();
+        let have: BTreeMap<_, _> = members.iter().map(|member| (&self.nodes()[*member].member, *member)).collect();
         let restricted: Result<Arc<[usize]>, Problem> = group
             .members
             .iter()
             .map(|member| {
-                let member = &self.nodes[*member].member;
+                let member = &self.nodes()[*member].member;
                 have.get(member).copied().ok_or_else(|| {
                     let member = member.as_deref().unwrap_or_default();
                     let message = format!("`{name}` has no `{member}`, which is in group `{}`", group.name);
@@ -295,14 +425,14 @@ impl Graph<'_> {
             Fed::One(node) => std::slice::from_ref(node).iter(),
             Fed::Many(nodes) => nodes.iter(),
         };
-        let Some(wrong) = nodes.find(|node| !port.takes(&self.nodes[**node].spec.output.name)) else { return Ok(()) };
-        let kind = &self.nodes[*wrong].spec.output.name;
+        let Some(wrong) = nodes.find(|node| !port.takes(&self.nodes()[**node].spec.output.name)) else { return Ok(()) };
+        let kind = &self.nodes()[*wrong].spec.output.name;
         let message = format!("port `{}` takes {}, but `{reference}` is {kind}", port.name, port.kind);
         if !self.guesses {
             return Err(Problem::new(reference.span, message));
         }
         let mut fitting: Vec<String> = Vec::new();
-        for node in self.nodes.iter().filter(|node| node.spec.output.name == port.kind) {
+        for node in self.nodes().iter().filter(|node| node.spec.output.name == port.kind) {
             let stage = node.name.stage();
             let is_section = self.sections.iter().any(|section| section.key == stage);
             let name = if is_section { format!("${stage}") } else { stage.to_owned() };
@@ -359,7 +489,7 @@ impl Graph<'_> {
     }
 
     fn names(&self, members: &[usize]) -> BTreeSet<&str> {
-        members.iter().filter_map(|member| self.nodes[*member].member.as_deref()).collect()
+        members.iter().filter_map(|member| self.nodes()[*member].member.as_deref()).collect()
     }
 
     /// Returns the reference restricted to the group that makes it hold what is expected.
@@ -389,7 +519,7 @@ impl Graph<'_> {
 
     /// Returns what members are called: as in the section that has one of the first one's name.
     fn nouns(&self, members: &[usize]) -> String {
-        let name = members.first().and_then(|first| self.nodes[*first].member.as_deref());
+        let name = members.first().and_then(|first| self.nodes()[*first].member.as_deref());
         let has = |group: &&Group| name.is_some_and(|name| self.names(&group.members).contains(name));
         self.groups.iter().find(has).map_or_else(|| "members".to_owned(), |group| format!("{}s", group.noun))
     }

@@ -1,6 +1,7 @@
 //! Reads what the file declares: seed, groups, and stages with their parameters; references are not followed yet.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -8,7 +9,8 @@ use serde_json::Value;
 
 use super::fields::{check_name, keep, mapping, own_seed, read_seed};
 use super::reference::Reference;
-use super::sections::{self, Group, Sections, Source};
+use super::sections::{self, KnownSources, Sections};
+use super::sweep::SWEEP;
 use super::tree::{Data, Member, Tree, object};
 use super::{Request, names, parameters, suggest};
 use crate::pipeline::error::{Problem, Span};
@@ -18,16 +20,14 @@ use crate::pipeline::stage::{Arity, Division, Entry, Port, Register, Stage, Stag
 const INPUTS: &str = "inputs";
 
 /// The keys of every pipeline file; those of the sections come from the register.
-const KEYS: [&str; 3] = ["name", "seed", "stages"];
+const KEYS: [&str; 4] = ["name", "seed", "stages", SWEEP];
 
 /// What the file declares.
 pub(super) struct Declared {
     pub name: Option<String>,
     pub seed: u64,
-    /// The members of all groups, each once.
-    pub members: Vec<Source>,
-    pub groups: Vec<Group>,
-    pub stages: Vec<Use>,
+    pub sections: Arc<Sections>,
+    pub stages: Vec<Arc<Use>>,
 }
 
 /// A use of a stage.
@@ -42,35 +42,114 @@ pub(super) struct Use {
     pub ports: Vec<(Port, Reference)>,
 }
 
-/// Reads the declarations; all problems are reported together.
-pub(super) fn read(tree: &Tree, request: &Request) -> Result<Declared, Vec<Problem>> {
-    let Some(members) = tree.members() else {
-        let message = format!("a pipeline file is a mapping, not {}", tree.type_name());
-        return Err(vec![Problem::new(tree.span, message).with_help("`trodden init` writes one to start from")]);
-    };
-    let mut problems = Vec::new();
-    let register = request.register;
-    let is_key = |key: &str| KEYS.contains(&key) || register.sections.iter().any(|section| section.key == key);
-    for member in members.iter().filter(|member| !is_key(&member.key)) {
-        if !member.value.anchored && !member.key.starts_with("x-") {
-            problems.push(unknown_key(member, register));
-        }
+/// Reads declarations. Of the variants of a file it reads only what is new in each, so that what is the same in two of them
+/// is one and the same.
+pub(super) struct Declarer<'a> {
+    request: &'a Request<'a>,
+    /// Every use that was read, by its name, with what was read.
+    uses: BTreeMap<String, Vec<(Tree, Arc<Use>)>>,
+    /// The sections that were read, with what was read.
+    sections: Vec<(Vec<Option<Tree>>, Arc<Sections>)>,
+    /// The stages of the members that were read, by section and name; kept only where there are several variants.
+    sources: Option<KnownSources>,
+}
+
+impl<'a> Declarer<'a> {
+    /// Begins to read; `many` tells whether there will be variants.
+    pub(super) fn new(request: &'a Request<'a>, many: bool) -> Self {
+        Self { request, uses: BTreeMap::new(), sections: Vec::new(), sources: many.then(KnownSources::default) }
     }
-    let name = tree.get("name").and_then(|member| keep(read_name(member), &mut problems));
-    let seed = tree.get("seed").and_then(|member| keep(read_seed(&member.value), &mut problems)).unwrap_or(0);
-    let folder = request.file.parent().unwrap_or_else(|| Path::new(""));
-    let surroundings = Surroundings { folder, inputs: &[], register, variables: request.variables };
-    let Sections { members, groups } = sections::read(tree, &surroundings, &mut problems);
-    let stages = match tree.get("stages") {
-        Some(member) => read_stages(&member.value, &surroundings, &mut problems),
-        // A key that is probably `stages` misspelt says enough.
-        None if problems.is_empty() => {
-            problems.push(Problem::new(start_of(tree.span), "the file has no `stages:`"));
-            Vec::new()
+
+    /// Reads the declarations; all problems are reported together.
+    pub(super) fn read(&mut self, tree: &Tree) -> Result<Declared, Vec<Problem>> {
+        let Some(members) = tree.members() else {
+            let message = format!("a pipeline file is a mapping, not {}", tree.type_name());
+            return Err(vec![Problem::new(tree.span, message).with_help("`trodden init` writes one to start from")]);
+        };
+        let mut problems = Vec::new();
+        let register = self.request.register;
+        let is_key = |key: &str| KEYS.contains(&key) || register.sections.iter().any(|section| section.key == key);
+        for member in members.iter().filter(|member| !is_key(&member.key)) {
+            if !member.value.anchored && !member.key.starts_with("x-") {
+                problems.push(unknown_key(member, register));
+            }
         }
-        None => Vec::new(),
-    };
-    if problems.is_empty() { Ok(Declared { name, seed, members, groups, stages }) } else { Err(problems) }
+        let name = tree.get("name").and_then(|member| keep(read_name(member), &mut problems));
+        let seed = tree.get("seed").and_then(|member| keep(read_seed(&member.value), &mut problems)).unwrap_or(0);
+        let folder = self.request.file.parent().unwrap_or_else(|| Path::new(""));
+        let surroundings = Surroundings { folder, inputs: &[], register, variables: self.request.variables };
+        let sections = self.read_sections(tree, &surroundings, &mut problems);
+        let stages = match tree.get("stages") {
+            Some(member) => self.read_stages(&member.value, &surroundings, &mut problems),
+            // A key that is probably `stages` misspelt says enough.
+            None if problems.is_empty() => {
+                problems.push(Problem::new(start_of(tree.span), "the file has no `stages:`"));
+                Vec::new()
+            }
+            None => Vec::new(),
+        };
+        if problems.is_empty() { Ok(Declared { name, seed, sections, stages }) } else { Err(problems) }
+    }
+
+    fn read_sections(
+        &mut self,
+        tree: &Tree,
+        surroundings: &Surroundings,
+        problems: &mut Vec<Problem>,
+    ) -> Arc<Sections> {
+        let sections = &surroundings.register.sections;
+        let text: Vec<_> = sections.iter().map(|section| tree.get(&section.key).map(|member| &member.value)).collect();
+        let is_same = |known: &&(Vec<Option<Tree>>, _)| known.0.iter().map(Option::as_ref).eq(text.iter().copied());
+        if let Some((_, sections)) = self.sections.iter().find(is_same) {
+            return Arc::clone(sections);
+        }
+        let before = problems.len();
+        let mut found = sections::read(tree, surroundings, problems);
+        if let Some(sources) = &mut self.sources {
+            sources.share(&mut found);
+        }
+        let found = Arc::new(found);
+        if problems.len() == before {
+            self.sections.push((text.into_iter().map(|tree| tree.cloned()).collect(), Arc::clone(&found)));
+        }
+        found
+    }
+
+    fn read_stages(&mut self, value: &Tree, surroundings: &Surroundings, problems: &mut Vec<Problem>) -> Vec<Arc<Use>> {
+        let members = mapping(value, "`stages`", problems);
+        members.iter().filter_map(|member| self.read_use(member, surroundings, problems)).collect()
+    }
+
+    fn read_use(
+        &mut self,
+        member: &Member,
+        surroundings: &Surroundings,
+        problems: &mut Vec<Problem>,
+    ) -> Option<Arc<Use>> {
+        let known = self.uses.get(&member.key).into_iter().flatten();
+        if let Some((_, known)) = known.clone().find(|(tree, _)| *tree == member.value) {
+            return Some(Arc::clone(known));
+        }
+        let before = problems.len();
+        let new = read_stage(member, surroundings, problems)?;
+        if self.sources.is_none() || problems.len() > before {
+            return Some(Arc::new(new));
+        }
+        // The same may be written in two ways.
+        let new = known.map(|(_, known)| known).find(|known| known.is_same(&new)).cloned().unwrap_or(Arc::new(new));
+        self.uses.entry(member.key.clone()).or_default().push((member.value.clone(), Arc::clone(&new)));
+        Some(new)
+    }
+}
+
+impl Use {
+    /// Tells whether another use of the same name makes the same of the same.
+    fn is_same(&self, other: &Self) -> bool {
+        let ports = |of: &Self| of.ports.iter().map(|(port, to)| (port.clone(), to.to_string())).collect::<Vec<_>>();
+        (&self.spec.name, &self.spec.output, self.seed) == (&other.spec.name, &other.spec.output, other.seed)
+            && ports(self) == ports(other)
+            && sections::is_same_stage(&*self.stage, &*other.stage)
+    }
 }
 
 fn start_of(span: Span) -> Span {
@@ -91,11 +170,6 @@ fn read_name(member: &Member) -> Result<String, Problem> {
         Data::Text(name) if names::is_word(name) => Ok(name.clone()),
         _ => Err(Problem::new(member.value.span, "`name` is a word of letters, digits, `-` and `_`")),
     }
-}
-
-fn read_stages(value: &Tree, surroundings: &Surroundings, problems: &mut Vec<Problem>) -> Vec<Use> {
-    let members = mapping(value, "`stages`", problems);
-    members.iter().filter_map(|member| read_stage(member, surroundings, problems)).collect()
 }
 
 fn read_stage(member: &Member, surroundings: &Surroundings, problems: &mut Vec<Problem>) -> Option<Use> {

@@ -27,6 +27,17 @@ pub struct Pipeline {
     pub groups: Vec<Group>,
     /// All nodes; every node stands after those that it reads.
     pub nodes: Vec<Node>,
+    /// What a sweep goes through, in its order; empty without one.
+    pub variants: Vec<Variant>,
+}
+
+/// One variant of a swept pipeline. Nodes that are the same in several variants are one node.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Variant {
+    /// What is set in it: paths and values.
+    pub settings: Vec<(String, String)>,
+    /// Its nodes that none of its others read, as positions in [`Pipeline::nodes`].
+    pub ends: Vec<usize>,
 }
 
 /// A named group of what the pipeline starts from, such as maps for training. A member may be in several.
@@ -60,7 +71,7 @@ pub struct Node {
 }
 
 /// What feeds a port.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub struct Connection {
     /// Name of the port.
     pub port: Cow<'static, str>,
@@ -69,7 +80,7 @@ pub struct Connection {
 }
 
 /// One node, or the members of a group, as positions in [`Pipeline::nodes`].
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, Hash)]
 pub enum Wire {
     /// One node.
     One(usize),

@@ -16,4 +16,21 @@ pub struct Request<'a> {
     pub variables: &'a BTreeMap<String, String>,
     /// All stages, sources and kinds.
     pub register: &'a Register,
+    /// What varies besides what the file's `sweep:` says, such as `labels.classes=3,4,5`.
+    pub axes: &'a [String],
+    /// How many of the variants are drawn, and with which seed, if the file does not say.
+    pub sample: Option<(usize, u64)>,
+}
+
+impl<'a> Request<'a> {
+    /// Asks for a file as it is, with these settings.
+    #[must_use]
+    pub const fn new(
+        file: &'a Path,
+        sets: &'a [String],
+        variables: &'a BTreeMap<String, String>,
+        register: &'a Register,
+    ) -> Self {
+        Self { file, sets, variables, register, axes: &[], sample: None }
+    }
 }

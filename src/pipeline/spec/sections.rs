@@ -5,6 +5,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use serde_json::Value;
 
@@ -13,7 +14,7 @@ use super::fold::{FOLD, Fold};
 use super::tree::{Data, Member, Tree, object};
 use super::{names, parameters, suggest};
 use crate::pipeline::error::{Problem, Span};
-use crate::pipeline::stage::{ParameterError, Section, SourceNode, SourceType, Surroundings};
+use crate::pipeline::stage::{ParameterError, Section, SourceNode, SourceType, Stage, Surroundings};
 
 /// What the sections name.
 #[derive(Default)]
@@ -41,6 +42,23 @@ pub(super) struct Group {
     pub noun: String,
     /// Positions among the members of all groups.
     pub members: Vec<usize>,
+}
+
+/// Stages of members that were read before, by section and name.
+#[derive(Default)]
+pub(super) struct KnownSources(BTreeMap<(String, String), Vec<Arc<dyn Stage>>>);
+
+impl KnownSources {
+    /// Lets members that mean the same as ones that were read before be the same.
+    pub(super) fn share(&mut self, sections: &mut Sections) {
+        for source in &mut sections.members {
+            let known = self.0.entry((source.section.clone(), source.node.name.clone())).or_default();
+            match known.iter().find(|stage| is_same_stage(&***stage, &*source.node.stage)) {
+                Some(stage) => source.node.stage = Arc::clone(stage),
+                None => known.push(Arc::clone(&source.node.stage)),
+            }
+        }
+    }
 }
 
 /// Reads all sections; what is wrong with one leaves the others as they are.
@@ -184,13 +202,19 @@ impl Reader<'_> {
 
 /// Tells whether two entries mean one and the same: made by the same stage, with the same parameters, of the same files.
 fn is_same(one: &Source, other: &Source) -> bool {
-    let files = |source: &Source| -> Option<Vec<(String, PathBuf)>> {
-        let sources = source.node.stage.sources().ok()?;
-        Some(sources.into_iter().map(|file| (file.role, file.path)).collect())
-    };
     one.node.spec.name == other.node.spec.name
         && one.seed == other.seed
-        && one.node.stage.parameters() == other.node.stage.parameters()
+        && is_same_stage(&*one.node.stage, &*other.node.stage)
+}
+
+/// Tells whether two stages of one name have the same parameters and read the same files.
+pub(super) fn is_same_stage(one: &dyn Stage, other: &dyn Stage) -> bool {
+    let files = |stage: &dyn Stage| -> Option<Vec<(String, PathBuf)>> {
+        let sources = stage.sources().ok()?;
+        Some(sources.into_iter().map(|file| (file.role, file.path)).collect())
+    };
+    one.parameters() == other.parameters()
+        && one.environment() == other.environment()
         && files(one).is_some_and(|one| Some(one) == files(other))
 }
 

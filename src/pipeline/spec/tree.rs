@@ -24,6 +24,21 @@ pub(crate) fn parse(
     base: usize,
     variables: &BTreeMap<String, String>,
 ) -> Result<Tree, Problem> {
+    parse_changed(text, origin, base, variables, &|_, _| Ok(false))
+}
+
+/// Changes the value of one of the document's own keys, and tells whether it did.
+pub(crate) type Change<'a> = dyn Fn(&str, &mut Tree) -> Result<bool, Problem> + 'a;
+
+/// As [`parse`], and changes the values of the document's own keys by `change` before aliases are copied: who refers to an
+/// anchor in one of them gets what it has become.
+pub(crate) fn parse_changed(
+    text: &str,
+    origin: u16,
+    base: usize,
+    variables: &BTreeMap<String, String>,
+    change: &Change,
+) -> Result<Tree, Problem> {
     let settings: Options = options! { emit_comments: false };
     let mut builder = Builder {
         events: Parser::new_from_str_with_options(text, settings),
@@ -33,6 +48,7 @@ pub(crate) fn parse(
         origin,
         base,
         variables,
+        change,
     };
     builder.document()
 }
@@ -45,6 +61,7 @@ struct Builder<'a> {
     origin: u16,
     base: usize,
     variables: &'a BTreeMap<String, String>,
+    change: &'a Change<'a>,
 }
 
 type Next<'a> = (Event<'a>, Span);
@@ -77,7 +94,7 @@ impl<'a> Builder<'a> {
             match event {
                 Event::StreamStart | Event::DocumentStart(..) => {}
                 Event::StreamEnd | Event::DocumentEnd => {
-                    return Ok(Tree { data: Data::Null, span, anchored: false });
+                    return Ok(Tree::new(Data::Null, span));
                 }
                 event => {
                     let (tree, _) = self.value(event, span, 0)?;
@@ -139,7 +156,7 @@ impl<'a> Builder<'a> {
             Data::Mapping(members) => members.iter().any(|member| member.value.anchored),
             _ => false,
         };
-        let tree = Tree { data, span, anchored: anchor != 0 || inside };
+        let tree = Tree { data, span, anchored: anchor != 0 || inside, anchor };
         if anchor != 0 {
             self.anchors.insert(anchor, (tree.clone(), size));
         }
@@ -152,8 +169,20 @@ impl<'a> Builder<'a> {
         };
         let (mut tree, size) = (tree.clone(), *size);
         self.spend(size, span)?;
-        tree.anchored = false;
+        (tree.anchored, tree.anchor) = (false, 0);
         Ok((tree, size))
+    }
+
+    /// Notes what the anchors in a value have become.
+    fn remember(&mut self, value: &Tree, size: usize) {
+        if value.anchor != 0 {
+            self.anchors.insert(value.anchor, (value.clone(), size));
+        }
+        match &value.data {
+            Data::Sequence(items) => items.iter().for_each(|item| self.remember(item, size)),
+            Data::Mapping(members) => members.iter().for_each(|member| self.remember(&member.value, size)),
+            _ => {}
+        }
     }
 
     fn spend(&mut self, nodes: usize, span: Span) -> Result<(), Problem> {
@@ -192,8 +221,11 @@ impl<'a> Builder<'a> {
                 _ => return Err(Problem::new(key_span, "a key must be a plain word")),
             };
             let (event, span) = self.next()?;
-            let (value, nodes) = self.value(event, span, depth + 1)?;
+            let (mut value, nodes) = self.value(event, span, depth + 1)?;
             size += nodes;
+            if depth == 0 && value.anchored && (self.change)(&key, &mut value)? {
+                self.remember(&value, nodes);
+            }
             if key == "<<" && plain {
                 merged.push((value, span));
                 continue;

@@ -11,6 +11,8 @@ pub(crate) struct Tree {
     pub span: Span,
     /// Whether the value, or one inside of it, carries an anchor.
     pub anchored: bool,
+    /// The number of its own anchor; 0 if it has none.
+    pub anchor: usize,
 }
 
 /// What a YAML value can be.
@@ -33,6 +35,11 @@ pub(crate) struct Member {
 }
 
 impl Tree {
+    /// Returns a value without an anchor.
+    pub(crate) const fn new(data: Data, span: Span) -> Self {
+        Self { data, span, anchored: false, anchor: 0 }
+    }
+
     /// Returns the members of a mapping.
     pub(crate) fn members(&self) -> Option<&[Member]> {
         match &self.data {

@@ -10,4 +10,4 @@ pub use boxes::{BoxRow, box_plot};
 pub use confusion::{Shade, confusion};
 pub use curves::{Line, curves};
 pub use dag::{StageBox, dag};
-pub(super) use svg::{Anchor, Svg};
+pub(super) use svg::{Anchor, Svg, short};

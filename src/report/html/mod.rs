@@ -14,6 +14,7 @@ mod nodes;
 mod numbers;
 mod page;
 mod source;
+mod study;
 mod training;
 mod views;
 
@@ -23,6 +24,8 @@ use rayon::prelude::*;
 
 use super::{ReportError, viewer};
 use crate::store::{Run, RunNode, Store};
+pub use study::{Front, study};
+
 use cache::{Cache, Fragment};
 use lineage::Lineage;
 use maps::Maps;

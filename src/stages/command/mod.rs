@@ -43,10 +43,8 @@ use output::{OutputField, Wanted};
 use process::{Ended, Why};
 use sandbox::{Sandbox, SandboxField};
 use template::{Filling, Template};
-use workplace::{INPUTS, PARAMS, Workplace};
+use workplace::{DEPENDENCY, INPUTS, PARAMS, Workplace};
 
-/// How the roles of the files begin that a command declares.
-const DEPENDENCY: &str = "dep:";
 /// The variables that every command has from the one who runs it; they are not in the key.
 const BASE: [&str; 8] = ["PATH", "HOME", "USER", "LOGNAME", "LANG", "LC_ALL", "LD_LIBRARY_PATH", "VIRTUAL_ENV"];
 /// How much of a log is looked at for what to say of a failure.

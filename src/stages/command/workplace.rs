@@ -19,6 +19,8 @@ use std::time::SystemTime;
 use crate::pipeline::stage::{Context, Input, Inputs, StageError};
 use crate::store::{Artifact, Scratch};
 
+/// How the roles of the files begin that a command declares.
+pub(super) const DEPENDENCY: &str = "dep:";
 /// The folder of the inputs and the file of the parameters, below the working directory.
 pub(super) const INPUTS: &str = "inputs";
 pub(super) const PARAMS: &str = "params.json";
@@ -62,7 +64,7 @@ impl Workplace {
         let mut place = Self { _scratch: scratch, work, temporary, log, objects: Vec::new(), seen: Vec::new() };
         place.write(PARAMS, params)?;
         for (role, (path, _)) in &inputs.sources {
-            let Some(name) = role.strip_prefix(super::DEPENDENCY) else { continue };
+            let Some(name) = role.strip_prefix(DEPENDENCY) else { continue };
             place.copy(path, name)?;
         }
         for (port, input) in &inputs.ports {
