@@ -196,7 +196,8 @@ fn pipeline() -> Target {
     let seeds = SEEDS.map(|seed| seed.as_bytes().to_vec()).to_vec();
     Target::new("pipeline", seeds, pipeline_text, move |input| {
         let file = folder.path().join("fuzz.yaml");
-        let request = Request::new(&file, &[], &variables, &register());
+        let register = register();
+        let request = Request::new(&file, &[], &variables, &register);
         match parse(&String::from_utf8_lossy(input), &request) {
             Ok(pipeline) => {
                 drop(plan(&pipeline, &Nothing, &[]));
