@@ -1,7 +1,7 @@
 //! Speaks. One file per command: it reads arguments, asks the other rooms, and prints.
 //!
 //! stdout is data, stderr is progress and errors. Exit codes: 0 done, 1 a stage or a disk failed, 2 a bad request, 3
-//! a damaged store, 130 interrupted.
+//! a damaged store, 4 something would run (`plan --exit-code`), 130 interrupted.
 
 mod annotate;
 mod check;
@@ -22,12 +22,14 @@ mod out_folder;
 mod paths;
 mod plan;
 mod plan_path;
+mod recheck;
 mod report;
 mod request;
 mod run;
 mod runs;
 mod schema;
 mod screen;
+mod selection;
 mod show;
 mod signals;
 mod simulate;

@@ -6,50 +6,72 @@ use std::process::ExitCode;
 use super::error::CliError;
 use super::request::{Known, PipelineArgs};
 use super::screen::{Screen, columns};
+use super::selection::{NAMES, SelectionArgs};
 use crate::pipeline::plan::{Plan, PlannedTask, State, plan};
+use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
 use crate::store::Role;
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "States:
+#[command(after_help = format!("States:
   hit      it is in the store
   run      it must run
   depends  it must run unless what it reads comes out as before
 
+{NAMES}
+
+Exit codes: 0 done; with `--exit-code` 0 nothing would run, {SOMETHING} something would; 2 a bad request, 3 a damaged store.
+
 Examples:
   trodden plan pipelines/quickstart.yaml --set labels.classes=4
-  trodden plan pipelines/quickstart.yaml --only heat --all")]
+  trodden plan pipelines/quickstart.yaml --only heat --all
+  trodden plan pipelines/quickstart.yaml --until labels
+  trodden plan pipelines/quickstart.yaml --exit-code > /dev/null || echo out of date"))]
 pub struct Args {
     #[command(flatten)]
     pipeline: PipelineArgs,
-    /// Only this node, stage or part and what it needs; may be given more than once.
-    #[arg(long, value_name = "NODE")]
-    only: Vec<String>,
+    #[command(flatten)]
+    selection: SelectionArgs,
     /// Chunks and epochs too.
     #[arg(long, short)]
     all: bool,
+    /// End with 4 if something would run, or might.
+    #[arg(long)]
+    exit_code: bool,
 }
+
+/// The exit code of a plan in which something would run. 1 to 3 are errors.
+const SOMETHING: u8 = 4;
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        print_plan(&self.pipeline.load()?, store, &self.only, self.all, screen)
+        let plan = planned(&self.pipeline.load()?, store, &(&self.selection).into())?;
+        print(&plan, self.all, screen)?;
+        let counts = plan.counts();
+        let idle = counts.run + counts.depends == 0;
+        Ok(if idle || !self.exit_code { ExitCode::SUCCESS } else { ExitCode::from(SOMETHING) })
     }
+}
+
+/// Checks the sources and plans.
+fn planned(pipeline: &Pipeline, store: &Path, selection: &Selection) -> Result<Plan, CliError> {
+    check_sources(pipeline)?;
+    Ok(plan(pipeline, &Known::at(store)?, selection)?)
 }
 
 /// Checks the sources, plans and prints.
 pub(super) fn print_plan(
     pipeline: &Pipeline,
     store: &Path,
-    only: &[String],
-    all: bool,
+    selection: &Selection,
     screen: &Screen,
 ) -> Result<ExitCode, CliError> {
-    check_sources(pipeline)?;
-    print(&plan(pipeline, &Known::at(store)?, only)?, all, screen)
+    print(&planned(pipeline, store, selection)?, false, screen)?;
+    Ok(ExitCode::SUCCESS)
 }
 
-fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> {
+fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<(), CliError> {
     let counts = plan.counts();
     let shown = |task: &&PlannedTask| !matches!(task.state, State::OutOfScope) && (all || task.role == Role::Node);
     if screen.json() {
@@ -66,8 +88,7 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> 
             screen.object(&object)?;
         }
         let object = serde_json::json!({ "run": counts.run, "depends": counts.depends, "hit": counts.hit });
-        screen.object(&object)?;
-        return Ok(ExitCode::SUCCESS);
+        return screen.object(&object);
     }
     let rows: Vec<Vec<String>> = plan
         .tasks
@@ -82,8 +103,7 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> 
     screen.line(format!(
         "{} to run, {} depend on what comes out, {} in the store (chunks and epochs included)",
         counts.run, counts.depends, counts.hit
-    ))?;
-    Ok(ExitCode::SUCCESS)
+    ))
 }
 
 /// The state in a word, and why.

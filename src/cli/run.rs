@@ -9,30 +9,44 @@ use serde::Serialize;
 
 use super::error::CliError;
 use super::plan::print_plan;
+use super::recheck::{self, CheckArgs};
 use super::request::PipelineArgs;
 use super::screen::Screen;
+use super::selection::{NAMES, SelectionArgs};
 use super::signals;
 use crate::pipeline::event::Event;
-use crate::pipeline::execute::{Options, RunReport, execute};
+use crate::pipeline::execute::{Options, RunReport, execute, recheck};
 use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
 use crate::store::{RunStatus, Store};
 
 /// Arguments of `run`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "Examples:
+#[command(after_help = format!("{NAMES}
+
+`--only` runs some nodes and what they need, and nothing else. `--until` runs everything but what lies behind some nodes: what does not hang on them runs, too. `--exclude` takes nodes and all that reads them out of either.
+
+`--check` makes nodes again beside what is on record and compares the bits: an audit of whether stages are deterministic. It says which file, byte and column differ, replaces nothing and puts no run on record; what came out otherwise stays as an object until `trodden gc`.
+
+Examples:
   trodden run pipelines/quickstart.yaml
   trodden run pipelines/quickstart.yaml --set walks.episodes=200 --set model.epochs=10
   trodden run pipelines/quickstart.yaml --only labels/home_03
+  trodden run pipelines/quickstart.yaml --only '*/home_0?' --exclude walks/home_07
+  trodden run pipelines/quickstart.yaml --until labels         not the windows, the model and what follows
+  trodden run pipelines/quickstart.yaml --force heat           again, although it is on record
+  trodden run pipelines/quickstart.yaml --check 'labels/*'     are they what is on record, bit for bit?
+  trodden run pipelines/quickstart.yaml --check-sample 5%      the same for one in twenty
   trodden run pipelines/quickstart.yaml --json | jq -r 'select(.outcome == \"ran\") | .node'
 
-Exit codes: 0 done, 1 a stage or a disk failed, 2 a bad request, 3 a damaged store, 130 interrupted.")]
+Exit codes: 0 done, 1 a stage or a disk failed or other bits came out, 2 a bad request, 3 a damaged store, 130 interrupted."))]
 pub struct Args {
     #[command(flatten)]
     pipeline: PipelineArgs,
-    /// Run only this node, stage or part and what it needs; may be given more than once.
-    #[arg(long, value_name = "NODE")]
-    only: Vec<String>,
+    #[command(flatten)]
+    selection: SelectionArgs,
+    #[command(flatten)]
+    check: CheckArgs,
     /// The most nodes at a time [default: one for each core].
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     jobs: Option<u32>,
@@ -64,7 +78,7 @@ impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.pipeline.load()?;
         if self.dry_run {
-            return print_plan(&pipeline, store, &self.only, false, screen);
+            return print_plan(&pipeline, store, &(&self.selection).into(), screen);
         }
         let cancelled = Arc::new(AtomicBool::new(false));
         signals::listen(&cancelled);
@@ -73,7 +87,7 @@ impl Args {
             jobs: self.jobs.map_or_else(cores, |jobs| jobs as usize),
             memory: self.memory.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64),
             keep_going: self.keep_going,
-            only: self.only.clone(),
+            selection: (&self.selection).into(),
             cancelled: &cancelled,
         };
         let style = match (screen.json(), self.quiet, screen.color()) {
@@ -83,6 +97,12 @@ impl Args {
             _ => BarStyle::Plain,
         };
         let mut bars = Bars::new(style);
+        if let Some(sample) = self.check.sample() {
+            let options = Options { keep_going: true, ..options };
+            let report = recheck(&pipeline, &store, &sample, &options, &mut |event| bars.hear(event))?;
+            let code = recheck::finish(&report, &store, screen)?;
+            return bars.take_failure().map_or(Ok(code), |failure| Err(CliError::output(failure)));
+        }
         let mut last = None;
         let report = execute(&pipeline, &store, &options, &mut |event| {
             // The last line is for the end, when the report is written.

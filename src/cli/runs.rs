@@ -117,10 +117,8 @@ pub(super) fn run_table(runs: &[RunSummary]) -> String {
         let alone = of_name.all(|other| other.is_same_pipeline(run) || run.is_same_pipeline(other));
         if alone { run.pipeline.clone() } else { format!("{} ({})", run.pipeline, run.file) }
     };
-    let asked = |run: &RunSummary| {
-        let sets = run.sets.iter().map(|set| format!("--set {set}"));
-        sets.chain(run.only.iter().map(|node| format!("--only {node}"))).collect::<Vec<_>>().join(" ")
-    };
+    let asked =
+        |run: &RunSummary| run.asked().map(|(option, value)| format!("{option} {value}")).collect::<Vec<_>>().join(" ");
     let row = |run: &RunSummary| {
         vec![
             name(run),

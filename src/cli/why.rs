@@ -7,6 +7,7 @@ use super::error::CliError;
 use super::request::{Known, find_run, load};
 use super::screen::Screen;
 use crate::pipeline::plan::plan;
+use crate::pipeline::selection::Selection;
 use crate::pipeline::why::{of_plan, of_run};
 use crate::store::{Run, Store};
 
@@ -17,10 +18,11 @@ use crate::store::{Run, Store};
 
 Examples:
   trodden why labels
+  trodden why '*/home_03'
   trodden why model pipelines/quickstart.yaml --set model.epochs=10"
 )]
 pub struct Args {
-    /// A node (`labels/home_03`), a stage (`labels`) or a part (`model/epoch-07`).
+    /// A node (`labels/home_03`), a stage (`labels`), a part (`model/epoch-07`) or a pattern (`'*/home_0?'`).
     node: String,
     /// Pipeline file, to ask what the next run would do.
     #[arg(value_name = "PIPELINE")]
@@ -42,7 +44,7 @@ impl Args {
             Some(file) => {
                 let pipeline = load(file, &self.sets)?;
                 let known = Known::at(store)?;
-                let plan = plan(&pipeline, &known, &[])?;
+                let plan = plan(&pipeline, &known, &Selection::default())?;
                 of_plan(&plan, known.latest_run(&pipeline)?.as_ref(), &known, &self.node)?
             }
             None => {

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use super::error::PipelineError;
-use super::spec::{MOST_TASKS, Node, Pipeline, Wire, suggest};
+use super::meaning::find_named;
+use super::spec::{MOST_TASKS, Node, Pipeline, Wire};
 use super::stage::{Division, Part};
 use crate::store::{NodeName, NodePart, Role};
 
@@ -106,7 +107,7 @@ impl<'p> Graph<'p> {
         &self.pipeline.nodes[self.tasks[task].node]
     }
 
-    /// Returns the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
+    /// Returns the tasks that a name or a pattern means: a task, a node with its parts, or all nodes of a stage.
     pub(crate) fn named(&self, name: &str) -> Result<Vec<usize>, PipelineError> {
         find_named(&self.tasks.iter().map(|task| &task.name).collect::<Vec<_>>(), name)
     }
@@ -231,14 +232,4 @@ impl Task {
     pub(crate) fn role(&self) -> Role {
         self.name.role()
     }
-}
-
-/// Returns the positions of the names that a user means by one: of a task, a node with its parts, or all nodes of a stage.
-pub(crate) fn find_named(names: &[&NodeName], name: &str) -> Result<Vec<usize>, PipelineError> {
-    let found: Vec<usize> = (0..names.len()).filter(|position| names[*position].is_meant_by(name)).collect();
-    if found.is_empty() {
-        let help = suggest::node(name, names.iter().copied());
-        return Err(PipelineError::UnknownNode { name: name.to_owned(), help });
-    }
-    Ok(found)
 }

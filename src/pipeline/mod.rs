@@ -5,6 +5,7 @@
 //! ```text
 //! spec     YAML  → Pipeline   nodes and what they read; everything about the file is checked here
 //! graph          → tasks      nodes, their chunks and steps, and what each reads
+//! selection      → tasks      which of them are asked for, by names and patterns (`meaning`)
 //! ledger         → states     recipes and keys; what is on record, what must run, what must be made again
 //! plan, execute               the ledger before a run, and while one goes on
 //! event    run   → stream     folded once into a state, which bars, JSON and reports read
@@ -16,8 +17,10 @@ pub mod event;
 pub mod execute;
 mod graph;
 mod ledger;
+pub mod meaning;
 pub mod plan;
 pub mod schema;
+pub mod selection;
 pub mod spec;
 pub mod stage;
 pub mod why;

@@ -1,8 +1,10 @@
 //! Says what a run would do: which tasks are on record, which must run, which depend on what those give.
 
 use super::error::PipelineError;
-use super::graph::{Graph, find_named};
+use super::graph::Graph;
 use super::ledger::{Ledger, Status};
+use super::meaning::find_named;
+use super::selection::Selection;
 use super::spec::Pipeline;
 use crate::store::{Artifact, Key, NodeName, Recipe, Role};
 
@@ -65,13 +67,13 @@ pub struct PlanCounts {
     pub depends: usize,
 }
 
-/// Plans a pipeline, or only what some nodes, stages or parts need.
+/// Plans a pipeline, or what of it is asked for. What is missing or forced is taken to come out as before.
 ///
 /// # Errors
 /// If a name means nothing, a source file cannot be read, or the store cannot.
-pub fn plan(pipeline: &Pipeline, lookups: &impl Lookups, only: &[String]) -> Result<Plan, PipelineError> {
+pub fn plan(pipeline: &Pipeline, lookups: &impl Lookups, selection: &Selection) -> Result<Plan, PipelineError> {
     let graph = Graph::new(pipeline)?;
-    let mut ledger = Ledger::new(&graph, lookups, only, true)?;
+    let mut ledger = Ledger::new(&graph, lookups, selection.scope(&graph)?, true)?;
     ledger.advance();
     if let Some((_, error)) = ledger.troubles.pop() {
         return Err(error.into());
@@ -125,7 +127,7 @@ impl Plan {
         counts
     }
 
-    /// Returns the positions of the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
+    /// Returns the positions of the tasks that a name or a pattern means: a task, a node with its parts, or all nodes of a stage.
     ///
     /// # Errors
     /// If it means none.

@@ -40,6 +40,15 @@ pub struct Run {
     /// What was asked for; everything if it is empty.
     #[serde(default)]
     pub only: Vec<String>,
+    /// What lies behind these was not asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub until: Vec<String>,
+    /// Neither these nor what reads them was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<String>,
+    /// What was to be made again although it was on record.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub force: Vec<String>,
     /// Text of the pipeline below the settings, for the report.
     pub source: String,
     /// When it began, RFC 3339 in UTC.
@@ -136,13 +145,31 @@ struct Stored<'a> {
 }
 
 impl Run {
+    /// Tells whether the whole pipeline was asked for.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.only.is_empty() && self.until.is_empty() && self.exclude.is_empty()
+    }
+
+    /// Returns what was asked for, in words of the command line: option and value.
+    pub fn asked(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let Self { sets, only, until, exclude, force, .. } = self;
+        asked([sets, only, until, exclude, force])
+    }
+
     /// Tells whether it brought about everything that the pipeline asks for.
     #[must_use]
     pub fn is_full(&self) -> bool {
         // Records of the first format do not say what was asked for.
         let skipped = || self.nodes.iter().any(|node| node.outcome == Outcome::Skipped);
-        self.status == RunStatus::Finished && self.only.is_empty() && !skipped()
+        self.status == RunStatus::Finished && self.is_whole() && !skipped()
     }
+}
+
+/// Pairs settings, and what was asked for, with the options of the command line.
+pub(super) fn asked(values: [&Vec<String>; 5]) -> impl Iterator<Item = (&'static str, &str)> {
+    let options = ["--set", "--only", "--until", "--exclude", "--force"].into_iter().zip(values);
+    options.flat_map(|(option, values)| values.iter().map(move |value| (option, value.as_str())))
 }
 
 impl Store {
@@ -289,7 +316,8 @@ impl Store {
         let with_report = older.filter(|older| older.is_of(&run.path)).map(|older| self.run_dir(&older.id));
         let report = with_report.map(|folder| folder.join("report.html")).find(|report| report.is_file())?;
         let older = self.read_run(report.parent()?.file_name()?.to_str()?).ok()??;
-        let same = (&older.source, &older.only, older.status) == (&run.source, &run.only, run.status)
+        let same = (&older.source, older.status) == (&run.source, run.status)
+            && older.asked().eq(run.asked())
             && older.warnings == run.warnings
             && older.nodes.len() == run.nodes.len()
             && older.nodes.iter().zip(&run.nodes).all(|(older, newer)| {

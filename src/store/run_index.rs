@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::bounded::read_bounded;
 use super::digest::Digest;
 use super::file::list;
-use super::run::{Outcome, Run, RunStatus};
+use super::run::{Outcome, Run, RunStatus, asked};
 use super::{Store, StoreError};
 
 /// The most bytes that the list may have.
@@ -36,6 +36,15 @@ pub struct RunSummary {
     pub sets: Vec<String>,
     /// What was asked for; everything if it is empty.
     pub only: Vec<String>,
+    /// What lies behind these was not asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub until: Vec<String>,
+    /// Neither these nor what reads them was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<String>,
+    /// What was to be made again although it was on record.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub force: Vec<String>,
     /// When it began, RFC 3339 in UTC.
     pub started: String,
     /// How long it took in seconds.
@@ -69,6 +78,9 @@ impl RunSummary {
             path: run.path.clone(),
             sets: run.sets.clone(),
             only: run.only.clone(),
+            until: run.until.clone(),
+            exclude: run.exclude.clone(),
+            force: run.force.clone(),
             started: run.started.clone(),
             wall_s: run.wall_s,
             status: run.status,
@@ -81,11 +93,18 @@ impl RunSummary {
         }
     }
 
+    /// Returns what was asked for, in words of the command line: option and value.
+    pub fn asked(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let Self { sets, only, until, exclude, force, .. } = self;
+        asked([sets, only, until, exclude, force])
+    }
+
     /// Tells whether it brought about everything that the pipeline asks for.
     #[must_use]
     pub fn is_full(&self) -> bool {
         // Records of the first format do not say what was asked for.
-        self.status == RunStatus::Finished && self.only.is_empty() && self.skipped == 0
+        let whole = self.only.is_empty() && self.until.is_empty() && self.exclude.is_empty();
+        self.status == RunStatus::Finished && whole && self.skipped == 0
     }
 
     /// Tells whether it is a run of the same pipeline as a newer one: of the same name and the same file.

@@ -8,11 +8,11 @@ use std::time::{Duration, Instant};
 
 use super::recorder::Recorder;
 use super::worker::{Assignment, Made, Message, Trouble, inputs};
-use super::{Failure, Options};
+use super::{Failure, Options, Rechecked};
 use crate::pipeline::error::PipelineError;
 use crate::pipeline::event::{Counts, Event};
 use crate::pipeline::graph::Work;
-use crate::pipeline::ledger::{Ledger, Status};
+use crate::pipeline::ledger::{Ledger, Reason, Status};
 use crate::pipeline::stage::Needs;
 use crate::store::{Damage, Damaged, Outcome, Store, StoreError};
 
@@ -54,6 +54,8 @@ pub(super) struct Scheduler<'a> {
     pub counts: Counts,
     pub failures: Vec<Failure>,
     pub warnings: Vec<String>,
+    /// What came of tasks that are made again beside what is on record, if that is what the run is for.
+    pub checked: Option<BTreeMap<usize, Rechecked>>,
     /// Whether nothing new is started any more.
     stopping: bool,
 }
@@ -83,8 +85,14 @@ impl<'a> Scheduler<'a> {
             counts: Counts::default(),
             failures: Vec::new(),
             warnings: Vec::new(),
+            checked: None,
             stopping: false,
         }
+    }
+
+    /// Lets what is forced be made beside what is on record, and be compared with it.
+    pub(super) fn beside(self) -> Self {
+        Self { checked: Some(BTreeMap::new()), ..self }
     }
 
     pub(super) fn store(&self) -> &'a Store {
@@ -221,7 +229,9 @@ impl<'a> Scheduler<'a> {
     fn prepare(&mut self, task: usize) -> Result<Option<Assignment<'a>>, StoreError> {
         let key = self.ledger.keys[task].expect("a ready task was settled");
         let Some(lock) = self.store.try_lock(&key)? else { return Ok(None) };
-        if let Some(record) = self.store.recall(&key)?
+        let forced = self.ledger.status[task] == Status::Todo(Reason::Forced);
+        if !forced
+            && let Some(record) = self.store.recall(&key)?
             && self.ledger.closes(task, &record.artifact)
             && self.store.complete(&record.artifact)
         {
@@ -229,7 +239,9 @@ impl<'a> Scheduler<'a> {
             self.end(task, Outcome::Hit, 0.0, None, None);
             return Ok(None);
         }
-        Ok(Some(Assignment::new(&mut self.ledger, task, lock, self.store, self.options.cancelled)))
+        let mut assignment = Assignment::new(&mut self.ledger, task, lock, self.store, self.options.cancelled);
+        assignment.beside = self.ledger.artifacts[task].clone().filter(|_| forced && self.checked.is_some());
+        Ok(Some(assignment))
     }
 
     fn put_aside(&mut self, task: usize) {
@@ -282,6 +294,16 @@ impl<'a> Scheduler<'a> {
                 before.digest, made.artifact.digest
             );
             self.warn(Some(task), message);
+        }
+        if let (Some(checked), Some(now)) = (&mut self.checked, made.beside) {
+            let (node, before) = (self.ledger.graph.tasks[task].name.clone(), made.artifact.clone());
+            (self.sink)(&Event::Checked {
+                node: node.clone(),
+                same: now == before,
+                before: before.digest,
+                now: now.digest,
+            });
+            checked.insert(task, Rechecked { node, now: (now != before).then_some(now), before });
         }
         self.ledger.finish(task, made.artifact, true);
         self.end(task, Outcome::Ran, wall_s, None, None);

@@ -30,6 +30,8 @@ pub(super) struct Made {
     pub artifact: Artifact,
     /// What the same recipe gave before, if that was something else.
     pub before: Option<Artifact>,
+    /// What came out beside what is on record, which then is the artifact.
+    pub beside: Option<Artifact>,
 }
 
 /// Why nothing came out.
@@ -79,6 +81,8 @@ pub(super) struct Assignment<'a> {
     pub store: &'a Store,
     pub cancelled: &'a AtomicBool,
     pub seed: u64,
+    /// What is on record, if the task is only made again to be compared with it.
+    pub beside: Option<Artifact>,
     stage: Arc<dyn Stage>,
     work: Work,
     inputs: Inputs,
@@ -105,6 +109,7 @@ impl<'a> Assignment<'a> {
             store,
             cancelled,
             seed: node.seed.unwrap_or(ledger.graph.pipeline.seed),
+            beside: None,
             stage: Arc::clone(&node.stage),
             work: of.work,
             inputs: inputs(ledger, of),
@@ -139,6 +144,9 @@ impl<'a> Assignment<'a> {
             }
             Work::Close => self.inputs.previous.clone().expect("a chain has a last step"),
         };
+        if let Some(recorded) = &self.beside {
+            return Ok(Made { artifact: recorded.clone(), before: None, beside: Some(artifact) });
+        }
         let making = Making {
             program: concat!("trodden ", env!("CARGO_PKG_VERSION")).to_owned(),
             started,
@@ -152,7 +160,7 @@ impl<'a> Assignment<'a> {
             Remembered::Other { before } if self.work != Work::Close => Some(before),
             _ => None,
         };
-        Ok(Made { artifact: record.artifact, before })
+        Ok(Made { artifact: record.artifact, before, beside: None })
     }
 
     fn run(&self, part: Part, sender: &Sender<Message>) -> Result<Output, Trouble> {

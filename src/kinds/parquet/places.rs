@@ -1,0 +1,49 @@
+//! Says in which columns two Parquet files differ.
+
+use bytes::Bytes;
+use parquet::file::metadata::{ColumnChunkMetaData, ParquetMetaData};
+
+use super::read::open;
+
+/// A column of a group of rows.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ColumnPlace {
+    /// Number of the group of rows, counted from 0.
+    pub group: usize,
+    /// Name of the column.
+    pub column: String,
+}
+
+/// Lists the columns, by group of rows, whose bytes differ between two files of equal columns and groups; `None` if one of
+/// both is no Parquet file, or if they do not have the same columns and as many rows in each group.
+#[must_use]
+pub fn differing_columns(before: Bytes, after: Bytes) -> Option<Vec<ColumnPlace>> {
+    let (before, one) = open(before).ok()?;
+    let (after, other) = open(after).ok()?;
+    let (one, other) = (one.metadata(), other.metadata());
+    let rows = |file: &ParquetMetaData| file.row_groups().iter().map(|group| group.num_rows()).collect::<Vec<_>>();
+    if rows(one) != rows(other) {
+        return None;
+    }
+    let mut places = Vec::new();
+    for (group, (one, other)) in one.row_groups().iter().zip(other.row_groups()).enumerate() {
+        if one.num_columns() != other.num_columns() {
+            return None;
+        }
+        for (one, other) in one.columns().iter().zip(other.columns()) {
+            if one.column_path() != other.column_path() {
+                return None;
+            }
+            if bytes(&before, one)? != bytes(&after, other)? {
+                places.push(ColumnPlace { group, column: one.column_path().string() });
+            }
+        }
+    }
+    Some(places)
+}
+
+fn bytes<'a>(file: &'a Bytes, column: &ColumnChunkMetaData) -> Option<&'a [u8]> {
+    let (start, length) = column.byte_range();
+    let start = usize::try_from(start).ok()?;
+    file.get(start..start.checked_add(usize::try_from(length).ok()?)?)
+}
