@@ -24,7 +24,7 @@ pub struct Args {
     /// Of this pipeline's newest run.
     #[arg(long)]
     pipeline: Option<String>,
-    /// Of this run: its id, the beginning of it, or `latest`.
+    /// Of this run: its id, the beginning of it, a tag, or `latest`.
     #[arg(long, value_name = "ID")]
     run: Option<String>,
     /// Chunks and epochs too.

@@ -6,12 +6,15 @@
 mod annotate;
 mod check;
 mod completions;
+mod cost;
 mod crowd_args;
 mod diff;
 mod error;
 mod export;
+mod follow;
 mod gc;
 pub(crate) mod heat_file;
+mod how;
 mod import_args;
 mod init;
 mod keep;
@@ -37,6 +40,7 @@ mod sql;
 mod status;
 mod track_args;
 mod verify;
+mod watch;
 mod why;
 
 use std::ffi::OsString;
@@ -82,6 +86,8 @@ pub struct Cli {
 enum Command {
     /// Run a pipeline: everything that is not in the store yet.
     Run(run::Args),
+    /// Run a pipeline, and again whenever its file or a source file changes.
+    Watch(watch::Args),
     /// Show what a run would do.
     Plan(plan::Args),
     /// Say why a node ran, or would run: what differs from the pipeline's previous run.
@@ -90,7 +96,7 @@ enum Command {
     Status(status::Args),
     /// List runs, or the nodes and artifacts of a run.
     Ls(ls::Args),
-    /// List runs, or remove the records of old ones.
+    /// List runs, give them names, or remove the records of some.
     Runs(runs::Args),
     /// Show an artifact: a raster as a picture, a table as a table.
     Show(show::Args),
@@ -171,6 +177,7 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
     let store = cli.store.as_path();
     match &cli.command {
         Command::Run(args) => args.run(store, screen),
+        Command::Watch(args) => args.run(store, screen),
         Command::Plan(args) => args.run(store, screen),
         Command::Why(args) => args.run(store, screen),
         Command::Status(args) => args.run(store, screen),

@@ -3,7 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use super::cost::{Cost, HEADER};
 use super::error::CliError;
+use super::how::cores;
 use super::request::{Known, PipelineArgs};
 use super::screen::{Screen, columns};
 use super::selection::{NAMES, SelectionArgs};
@@ -27,6 +29,7 @@ Examples:
   trodden plan pipelines/quickstart.yaml --set labels.classes=4
   trodden plan pipelines/quickstart.yaml --only heat --all
   trodden plan pipelines/quickstart.yaml --until labels
+  trodden plan pipelines/quickstart.yaml --set labels.classes=4 --cost --jobs 4
   trodden plan pipelines/quickstart.yaml --exit-code > /dev/null || echo out of date"))]
 pub struct Args {
     #[command(flatten)]
@@ -36,6 +39,12 @@ pub struct Args {
     /// Chunks and epochs too.
     #[arg(long, short)]
     all: bool,
+    /// Foresee how long it takes and how much it writes, from what is on record.
+    #[arg(long)]
+    cost: bool,
+    /// With `--cost`: the most nodes at a time [default: one for each core].
+    #[arg(long, short, value_name = "N", requires = "cost", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    jobs: Option<u32>,
     /// End with 4 if something would run, or might.
     #[arg(long)]
     exit_code: bool,
@@ -46,8 +55,11 @@ const SOMETHING: u8 = 4;
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        let plan = planned(&self.pipeline.load()?, store, &(&self.selection).into())?;
-        print(&plan, self.all, screen)?;
+        let pipeline = self.pipeline.load()?;
+        let plan = planned(&pipeline, store, &(&self.selection).into())?;
+        let jobs = self.jobs.map_or_else(cores, |jobs| jobs as usize);
+        let cost = if self.cost { Some(Cost::of(&pipeline, &plan, store, jobs)?) } else { None };
+        print(&plan, cost.as_ref(), self.all, screen)?;
         let counts = plan.counts();
         let idle = counts.run + counts.depends == 0;
         Ok(if idle || !self.exit_code { ExitCode::SUCCESS } else { ExitCode::from(SOMETHING) })
@@ -67,17 +79,18 @@ pub(super) fn print_plan(
     selection: &Selection,
     screen: &Screen,
 ) -> Result<ExitCode, CliError> {
-    print(&planned(pipeline, store, selection)?, false, screen)?;
+    print(&planned(pipeline, store, selection)?, None, false, screen)?;
     Ok(ExitCode::SUCCESS)
 }
 
-fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<(), CliError> {
+fn print(plan: &Plan, cost: Option<&Cost>, all: bool, screen: &Screen) -> Result<(), CliError> {
     let counts = plan.counts();
     let shown = |task: &&PlannedTask| !matches!(task.state, State::OutOfScope) && (all || task.role == Role::Node);
     if screen.json() {
-        for task in plan.tasks.iter().filter(|task| !matches!(task.state, State::OutOfScope)) {
+        let asked = |(_, task): &(usize, &PlannedTask)| !matches!(task.state, State::OutOfScope);
+        for (index, task) in plan.tasks.iter().enumerate().filter(asked) {
             let (state, detail) = describe(plan, task);
-            let object = serde_json::json!({
+            let mut object = serde_json::json!({
                 "node": task.name.to_string(),
                 "state": state,
                 "why": detail,
@@ -85,9 +98,15 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<(), CliError> {
                 "stage": task.stage,
                 "kind": task.kind,
             });
+            if let Some(cost) = cost {
+                object["cost"] = cost.json_of(index);
+            }
             screen.object(&object)?;
         }
-        let object = serde_json::json!({ "run": counts.run, "depends": counts.depends, "hit": counts.hit });
+        let mut object = serde_json::json!({ "run": counts.run, "depends": counts.depends, "hit": counts.hit });
+        if let Some(cost) = cost {
+            object["cost"] = cost.json();
+        }
         return screen.object(&object);
     }
     let rows: Vec<Vec<String>> = plan
@@ -96,14 +115,21 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<(), CliError> {
         .filter(shown)
         .map(|task| {
             let (state, detail) = describe(plan, task);
-            vec![task.name.to_string(), task.stage.to_owned(), state.to_owned(), detail]
+            let mut row = vec![task.name.to_string(), task.stage.to_owned(), state.to_owned()];
+            if let Some(cost) = cost {
+                row.extend(cost.cells(plan, task, all));
+            }
+            row.push(detail);
+            row
         })
         .collect();
-    screen.line(columns(&["node", "stage", "state", "why"], &rows))?;
+    let cells: &[&str] = if cost.is_some() { &HEADER } else { &[] };
+    screen.line(columns(&[&["node", "stage", "state"], cells, &["why"]].concat(), &rows))?;
     screen.line(format!(
         "{} to run, {} depend on what comes out, {} in the store (chunks and epochs included)",
         counts.run, counts.depends, counts.hit
-    ))
+    ))?;
+    cost.map_or(Ok(()), |cost| cost.lines().iter().try_for_each(|line| screen.line(line)))
 }
 
 /// The state in a word, and why.

@@ -30,7 +30,7 @@ pub struct Args {
     /// Override a value of the file.
     #[arg(long = "set", value_name = "PATH=VALUE", requires = "file")]
     sets: Vec<String>,
-    /// Speak of this run: its id, the beginning of it, or `latest`.
+    /// Speak of this run: its id, the beginning of it, a tag, or `latest`.
     #[arg(long, value_name = "ID", conflicts_with = "file")]
     run: Option<String>,
     /// Speak of this pipeline's newest run.

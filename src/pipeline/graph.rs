@@ -5,8 +5,8 @@ use std::sync::Arc;
 use super::error::PipelineError;
 use super::meaning::find_named;
 use super::spec::{MOST_TASKS, Node, Pipeline, Wire};
-use super::stage::{Division, Part};
-use crate::store::{NodeName, NodePart, Role};
+use super::stage::{Division, Input, Inputs, Part};
+use crate::store::{Artifact, NodeName, NodePart, Role};
 
 /// The tasks of a pipeline; each stands after those that it reads.
 #[derive(Debug)]
@@ -105,6 +105,14 @@ impl<'p> Graph<'p> {
     /// Returns the node of a task.
     pub(crate) fn node(&self, task: usize) -> &'p Node {
         &self.pipeline.nodes[self.tasks[task].node]
+    }
+
+    /// Returns how much work a task is, in its stage's own unit.
+    pub(crate) fn amount(&self, task: usize) -> f64 {
+        match self.tasks[task].work {
+            Work::Part(part) => self.node(task).stage.amount(part),
+            Work::Close => 1.0,
+        }
     }
 
     /// Returns the tasks that a name or a pattern means: a task, a node with its parts, or all nodes of a stage.
@@ -231,5 +239,27 @@ impl Task {
     /// Returns what it is to the pipeline.
     pub(crate) fn role(&self) -> Role {
         self.name.role()
+    }
+
+    /// Puts together what it reads, without source files; `None` if an artifact is not known.
+    pub(crate) fn inputs(&self, artifact: &dyn Fn(usize) -> Option<Artifact>) -> Option<Inputs> {
+        let named = |(name, task): &(Arc<str>, usize)| Some((name.to_string(), artifact(*task)?));
+        let parts = self.parts.iter().map(named).collect::<Option<_>>()?;
+        let previous = match self.previous {
+            Some(task) => Some(artifact(task)?),
+            None => None,
+        };
+        let mut inputs = Inputs { parts, previous, ..Inputs::default() };
+        if self.work == Work::Close {
+            return Some(inputs);
+        }
+        for feed in &self.ports {
+            let input = match &feed.origin {
+                Origin::One(task) => Input::One(artifact(*task)?),
+                Origin::Group(members) => Input::Group(members.iter().map(named).collect::<Option<_>>()?),
+            };
+            inputs.ports.insert(feed.port.to_owned(), input);
+        }
+        Some(inputs)
     }
 }

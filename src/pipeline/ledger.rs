@@ -123,6 +123,8 @@ pub(crate) struct Ledger<'a> {
     pub recipes: Vec<Option<Box<Recipe>>>,
     /// What is on record or was made.
     pub artifacts: Vec<Option<Artifact>>,
+    /// How many seconds what is on record took.
+    pub made_s: Vec<Option<f64>>,
     /// The source files of each node.
     pub sources: Vec<Arc<Sources>>,
     /// Whether the objects of a task must be there at the end.
@@ -156,6 +158,7 @@ impl<'a> Ledger<'a> {
             keys: vec![None; count],
             recipes: vec![None; count],
             artifacts: vec![None; count],
+            made_s: vec![None; count],
             sources: Vec::new(),
             required: scope.targets,
             forced: scope.forced,
@@ -216,6 +219,7 @@ impl<'a> Ledger<'a> {
         let record = self.lookups.recall(&key)?;
         self.keys[task] = Some(key);
         self.recipes[task] = Some(Box::new(recipe));
+        self.made_s[task] = record.as_ref().and_then(|record| record.making.as_ref()).map(|making| making.wall_s);
         let artifact = record.map(|record| record.artifact).filter(|artifact| self.closes(task, artifact));
         let complete = artifact.as_ref().is_some_and(|artifact| self.lookups.complete(artifact));
         let recorded = artifact.is_some();

@@ -8,6 +8,7 @@
 //! selection      → tasks      which of them are asked for, by names and patterns (`meaning`)
 //! ledger         → states     recipes and keys; what is on record, what must run, what must be made again
 //! plan, execute               the ledger before a run, and while one goes on
+//! forecast plan  → seconds    from what is on record of earlier work
 //! event    run   → stream     folded once into a state, which bars, JSON and reports read
 //! why      plan or run and the run before → differences
 //! ```
@@ -15,6 +16,7 @@
 pub mod error;
 pub mod event;
 pub mod execute;
+pub mod forecast;
 mod graph;
 mod ledger;
 pub mod meaning;

@@ -55,12 +55,15 @@ pub struct Run {
     pub started: String,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// What was foreseen when it began to work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foreseen: Option<Foreseen>,
     /// How it ended.
     pub status: RunStatus,
     /// The session in `temp/` that writes the record, as long as it runs.
     #[serde(default)]
     pub session: Option<String>,
-    /// Whether `gc` keeps what it reaches; a mark of its own, see [`Store::mark_keep`].
+    /// Whether `gc` keeps what it reaches; a mark of its own, see [`Store::mark_keep`], or a tag.
     #[serde(skip)]
     pub keep: bool,
     /// All nodes, chunks and steps in the order of the plan; while it runs, those that are done with.
@@ -69,6 +72,20 @@ pub struct Run {
     pub warnings: Vec<String>,
     /// Version of the program.
     pub version: String,
+}
+
+/// What was foreseen of a run.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Foreseen {
+    /// Seconds from beginning to end.
+    pub wall_s: f64,
+    /// Seconds of all nodes together.
+    pub work_s: f64,
+    /// What is written, in bytes.
+    pub bytes: u64,
+    /// How many nodes there were of which nothing was known.
+    pub unknown: usize,
 }
 
 /// Where a run stands.
@@ -130,6 +147,9 @@ pub struct RunNode {
     pub artifact: Option<Artifact>,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// How much work it was, in the stage's own unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amount: Option<f64>,
     /// Names of the nodes it reads.
     pub inputs: Vec<String>,
     /// Why it failed.
@@ -208,7 +228,7 @@ impl Store {
         self.write_record(&path, &seal::seal(text))
     }
 
-    /// Reads the record of a run by its id, the beginning of it, or `latest`: the newest that has ended.
+    /// Reads the record of a run by its id, the beginning of it, a tag, or `latest`: the newest that has ended.
     ///
     /// # Errors
     /// If there is none, if several begin like that, or if the record is damaged or of a newer version.
@@ -219,6 +239,9 @@ impl Store {
             return Ok(run);
         }
         let none = || StoreError::NoRun { id: id.to_owned() };
+        if let Some(run) = self.tagged(id).map(|tagged| self.read_run(&tagged)).transpose()?.flatten() {
+            return Ok(run);
+        }
         let runs = self.runs()?;
         let mut matches: Vec<String> = match id {
             "" => return Err(none()),

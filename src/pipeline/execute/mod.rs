@@ -5,6 +5,8 @@
 //! process makes is put aside and looked up again.
 
 mod clock;
+mod damages;
+mod foresight;
 mod options;
 mod recheck;
 mod record;

@@ -50,6 +50,7 @@ impl Scheduler<'_> {
             key: self.ledger.keys[task],
             artifact: self.ledger.artifacts[task].clone(),
             wall_s,
+            amount: (outcome == Outcome::Ran).then(|| graph.amount(task)),
             inputs: of.reads.iter().map(|read| graph.tasks[*read].name.to_string()).collect(),
             error,
         }

@@ -8,7 +8,7 @@ use crate::pipeline::spec::Pipeline;
 use crate::store::{Journal, Key, Run, RunNode, RunStatus, Store, StoreError};
 
 /// How often the record of a run that goes on is written, at most.
-const EVERY: Duration = Duration::from_secs(5);
+const EVERY: Duration = Duration::from_secs(2);
 /// How much longer than writing it took is waited until it is written again: large records cost little, too.
 const SHARE: u32 = 50;
 
@@ -81,7 +81,7 @@ impl<'a> Recorder<'a> {
 
     /// Puts the run on record with what is done with already, unless it is.
     pub(super) fn begin(&mut self, tasks: usize, done: impl Iterator<Item = (usize, Key)>) -> Result<(), StoreError> {
-        if self.silent || self.has_begun() {
+        if self.has_begun() {
             return Ok(());
         }
         self.journal = Some(self.store.begin_run(&mut self.run, tasks)?);

@@ -6,6 +6,7 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{Builder, Scope};
 use std::time::{Duration, Instant};
 
+use super::damages::damage_text;
 use super::recorder::Recorder;
 use super::worker::{Assignment, Made, Message, Trouble, inputs};
 use super::{Failure, Options, Rechecked};
@@ -14,7 +15,7 @@ use crate::pipeline::event::{Counts, Event};
 use crate::pipeline::graph::Work;
 use crate::pipeline::ledger::{Ledger, Reason, Status};
 use crate::pipeline::stage::Needs;
-use crate::store::{Damage, Damaged, Outcome, Store, StoreError};
+use crate::store::{Outcome, Store, StoreError};
 
 /// How often a request to stop is looked for.
 const LISTEN: Duration = Duration::from_millis(50);
@@ -99,6 +100,10 @@ impl<'a> Scheduler<'a> {
         self.store
     }
 
+    pub(super) fn jobs(&self) -> usize {
+        self.options.jobs
+    }
+
     pub(super) fn is_cancelled(&self) -> bool {
         self.options.cancelled.load(Ordering::Relaxed)
     }
@@ -138,6 +143,9 @@ impl<'a> Scheduler<'a> {
                 self.update_record();
             }
         })?;
+        while let Ok(message) = receiver.try_recv() {
+            self.hear(message);
+        }
         self.settle();
         self.sweep();
         Ok(())
@@ -178,7 +186,10 @@ impl<'a> Scheduler<'a> {
             self.ready.remove(&task);
             match self.prepare(task) {
                 Ok(Some(assignment)) => {
-                    self.begin_record()?;
+                    if !self.recorder.has_begun() && self.checked.is_none() {
+                        self.begin_record()?;
+                        self.foresee(scope, sender);
+                    }
                     self.needs.remove(&task);
                     self.running.insert(task, needs);
                     self.ledger.status[task] = Status::Running;
@@ -268,22 +279,28 @@ impl<'a> Scheduler<'a> {
         let wait = if self.aside.is_empty() { LISTEN } else { LISTEN.min(due.max(Duration::from_millis(1))) };
         let mut message = receiver.recv_timeout(wait).ok();
         while let Some(received) = message {
-            match received {
-                Message::Progress { task, done, total } => {
-                    let node = self.ledger.graph.tasks[task].name.to_string();
-                    (self.sink)(&Event::Progress { node, done, total });
-                }
-                Message::Odd { task, message } => self.warn(Some(task), message),
-                Message::Ended { task, wall_s, result } => {
-                    self.running.remove(&task);
-                    self.try_again.1 = SOON;
-                    match result {
-                        Ok(made) => self.finish(task, wall_s, made),
-                        Err(trouble) => self.fail(task, wall_s, trouble),
-                    }
+            self.hear(received);
+            message = receiver.try_recv().ok();
+        }
+    }
+
+    /// Takes note of what a thread sends.
+    fn hear(&mut self, message: Message) {
+        match message {
+            Message::Progress { task, done, total } => {
+                let node = self.ledger.graph.tasks[task].name.to_string();
+                (self.sink)(&Event::Progress { node, done, total });
+            }
+            Message::Odd { task, message } => self.warn(Some(task), message),
+            Message::Foreseen(foreseen) => self.recorder.run.foreseen = Some(foreseen),
+            Message::Ended { task, wall_s, result } => {
+                self.running.remove(&task);
+                self.try_again.1 = SOON;
+                match result {
+                    Ok(made) => self.finish(task, wall_s, made),
+                    Err(trouble) => self.fail(task, wall_s, trouble),
                 }
             }
-            message = receiver.try_recv().ok();
         }
     }
 
@@ -382,17 +399,4 @@ fn needs(ledger: &Ledger, task: usize, store: &Store) -> Needs {
         Work::Part(part) => ledger.graph.node(task).stage.needs(part, &inputs(ledger, of), store),
         Work::Close => Needs { memory: 0, exclusive: false },
     }
-}
-
-fn damage_text(damage: &Damage) -> String {
-    let what = match &damage.what {
-        Damaged::Recipe(key) => format!("recipe `{key}`"),
-        Damaged::Object(digest) => format!("object `{digest}`"),
-        _ => "a record".to_owned(),
-    };
-    let whose = match damage.nodes.len() {
-        0 => String::new(),
-        _ => format!(", which belongs to `{}`,", damage.nodes.join("`, `")),
-    };
-    format!("{what}{whose} was damaged; it is made again")
 }

@@ -10,10 +10,10 @@ use std::time::Instant;
 
 use super::clock::timestamp;
 use crate::pipeline::error::causes;
-use crate::pipeline::graph::{Origin, Task, Work};
+use crate::pipeline::graph::{Task, Work};
 use crate::pipeline::ledger::{Ledger, Sources};
-use crate::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageError};
-use crate::store::{Artifact, Key, KeyLock, Making, Recipe, Record, Remembered, Store, StoreError};
+use crate::pipeline::stage::{Context, Inputs, Output, Part, Stage, StageError};
+use crate::store::{Artifact, Foreseen, Key, KeyLock, Making, Recipe, Record, Remembered, Store, StoreError};
 
 /// Progress is sent at most this often, in milliseconds.
 const EVERY_MS: u64 = 100;
@@ -22,6 +22,8 @@ const EVERY_MS: u64 = 100;
 pub(super) enum Message {
     Progress { task: usize, done: u64, total: u64 },
     Odd { task: usize, message: String },
+    /// What the run will take.
+    Foreseen(Foreseen),
     Ended { task: usize, wall_s: f64, result: Result<Made, Trouble> },
 }
 
@@ -151,6 +153,10 @@ impl<'a> Assignment<'a> {
             program: concat!("trodden ", env!("CARGO_PKG_VERSION")).to_owned(),
             started,
             wall_s: begun.elapsed().as_secs_f64(),
+            amount: Some(match self.work {
+                Work::Part(part) => self.stage.amount(part),
+                Work::Close => 1.0,
+            }),
             memory: None,
             sources: self.read_sources(),
         };
@@ -217,21 +223,11 @@ impl<'a> Assignment<'a> {
 
 /// Puts together what a task reads; all of it is known.
 pub(super) fn inputs(ledger: &Ledger, of: &Task) -> Inputs {
-    let artifact = |task: usize| ledger.artifacts[task].clone().expect("what a task reads is known before it runs");
-    let named = |(name, task): &(Arc<str>, usize)| (name.to_string(), artifact(*task));
-    let parts = of.parts.iter().map(named).collect();
-    let mut inputs = Inputs { parts, previous: of.previous.map(artifact), ..Inputs::default() };
-    if of.work == Work::Close {
-        return inputs;
+    let known = of.inputs(&|task| ledger.artifacts[task].clone());
+    let mut inputs = known.expect("what a task reads is known before it runs");
+    if of.work != Work::Close {
+        inputs.sources.clone_from(&ledger.sources[of.node]);
     }
-    for feed in &of.ports {
-        let input = match &feed.origin {
-            Origin::One(task) => Input::One(artifact(*task)),
-            Origin::Group(members) => Input::Group(members.iter().map(named).collect()),
-        };
-        inputs.ports.insert(feed.port.to_owned(), input);
-    }
-    inputs.sources.clone_from(&ledger.sources[of.node]);
     inputs
 }
 
