@@ -1,6 +1,7 @@
 //! The engine end to end, with toy stages: what runs, what is a hit, and what is said when something is wrong.
 
 mod errors;
+mod forecasts;
 mod plans;
 mod rechecks;
 mod runs;

@@ -63,7 +63,8 @@ impl Cost {
 
     /// Returns the lines below a plan.
     pub(super) fn lines(&self) -> Vec<String> {
-        let Forecast { run, unknown, work_s, certain_s, range_s, critical_s, wall_s, jobs, bytes: size, .. } = &self.forecast;
+        let Forecast { run, unknown, work_s, certain_s, range_s, critical_s, wall_s, jobs, bytes: size, .. } =
+            &self.forecast;
         if *run == 0 {
             return vec!["nothing to run takes no time".to_owned()];
         }

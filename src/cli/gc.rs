@@ -70,12 +70,15 @@ impl Args {
 
     /// Frees only as much as it takes to fit.
     fn fit(&self, store: &Store, max_bytes: u64, screen: &Screen) -> Result<ExitCode, CliError> {
-        let asked =
-            |dry_run| Evict { max_bytes, older_than: self.older_than, keep_last: self.keep_last, dry_run };
+        let asked = |dry_run| Evict { max_bytes, older_than: self.older_than, keep_last: self.keep_last, dry_run };
         let planned = store.evict(&asked(true))?;
         let size = bytes(planned.freed.bytes);
         if !screen.json() {
-            screen.line(format!("would free {} objects, {size}; {}", planned.freed.files, left(&planned, max_bytes)))?;
+            screen.line(format!(
+                "would free {} objects, {size}; {}",
+                planned.freed.files,
+                left(&planned, max_bytes)
+            ))?;
         }
         let goes = !self.dry_run && planned.freed.files > 0;
         let done = goes && (self.yes || screen.ask(&format!("free {size}?"))?);

@@ -72,7 +72,9 @@ pub fn size(text: &str) -> Result<u64, String> {
     let unit = UNITS.iter().find(|(name, _)| name.eq_ignore_ascii_case(unit.trim())).map(|(_, bytes)| *bytes);
     let number = number.trim().parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0);
     let bytes = unit.zip(number).map(|(unit, number)| unit * number).filter(|bytes| *bytes < 1e18);
-    bytes.map(|bytes| bytes as u64).ok_or_else(|| "expected a number with B, MB, GB, MiB or GiB, such as `10GiB`".to_owned())
+    bytes
+        .map(|bytes| bytes as u64)
+        .ok_or_else(|| "expected a number with B, MB, GB, MiB or GiB, such as `10GiB`".to_owned())
 }
 
 /// What a plan is held against: a store, or nothing where none is yet. Looking makes none.

@@ -65,11 +65,13 @@ struct UntagArgs {
 
 /// Arguments of `runs rm`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "What only these runs reach goes with the next `trodden gc`. Runs that go on, are kept or are tagged stay.
+#[command(
+    after_help = "What only these runs reach goes with the next `trodden gc`. Runs that go on, are kept or are tagged stay.
 
 Examples:
   trodden runs rm 20260314-101530
-  trodden runs rm 20260314-101530 20260315-080000 --yes")]
+  trodden runs rm 20260314-101530 20260315-080000 --yes"
+)]
 struct RmArgs {
     /// Ids of the runs, or beginnings of them.
     #[arg(required = true, value_name = "RUN")]

@@ -11,7 +11,8 @@ use crate::store::{RunStatus, RunSummary, Store};
 
 /// Arguments of `status`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "`--follow` shows a run that goes on in another process until it ends: which nodes are done with, by the record that it writes every few seconds. Ctrl-C ends the looking, not the run.
+#[command(
+    after_help = "`--follow` shows a run that goes on in another process until it ends: which nodes are done with, by the record that it writes every few seconds. Ctrl-C ends the looking, not the run.
 
 Examples:
   trodden status
@@ -19,7 +20,8 @@ Examples:
   trodden status --follow --run 20260314-1015   this one
   trodden status --follow --json                the same as events, as `run --json` prints them
 
-Exit codes with `--follow`: those of the run.")]
+Exit codes with `--follow`: those of the run."
+)]
 pub struct Args {
     /// Show a run that goes on until it ends.
     #[arg(long, short)]

@@ -83,7 +83,8 @@ impl Args {
                 screen.object(&json!({ "event": "watching", "files": look.files.len() }))?;
                 screen.flush()?;
             } else {
-                let files = if look.files.len() == 1 { "1 file".to_owned() } else { format!("{} files", look.files.len()) };
+                let files =
+                    if look.files.len() == 1 { "1 file".to_owned() } else { format!("{} files", look.files.len()) };
                 screen.remark(format!("watching {files}; Ctrl-C ends it"));
             }
             let Some(next) = self.next(&look, root, &stopped)? else { return Ok(ExitCode::SUCCESS) };
@@ -205,7 +206,8 @@ mod tests {
         let before = files(&[("a", Some("1")), ("b", Some("1")), ("c", Some("1")), ("d", None), ("e", Some("1"))]);
         let after = files(&[("a", Some("1")), ("b", Some("2")), ("c", None), ("d", Some("1")), ("f", Some("1"))]);
         let found = changed(&before, &after);
-        let found: Vec<(&str, &str)> = found.iter().map(|(what, path)| (*what, path.to_str().expect("is text"))).collect();
+        let found: Vec<(&str, &str)> =
+            found.iter().map(|(what, path)| (*what, path.to_str().expect("is text"))).collect();
         assert_eq!(found, [("gone", "e"), ("changed", "b"), ("gone", "c"), ("changed", "d"), ("new", "f")]);
         assert_eq!(changed(&after, &after), []);
     }

@@ -156,7 +156,14 @@ mod tests {
             Store::open(root).expect("opens").write_run(&run(id, hour, nodes(of))).expect("writes");
         }
         let store = Store::open_existing(root).expect("opens");
-        let there = || names.iter().zip(&all).filter(|(_, made)| store.complete(&made.0)).map(|(name, _)| *name).collect::<Vec<_>>();
+        let there = || {
+            names
+                .iter()
+                .zip(&all)
+                .filter(|(_, made)| store.complete(&made.0))
+                .map(|(name, _)| *name)
+                .collect::<Vec<_>>()
+        };
         assert_eq!(store.evict(&asked(500)).expect("fits").freed.files, 0);
         let plan = store.evict(&Evict { dry_run: true, ..asked(350) }).expect("plans");
         assert_eq!((plan.freed, plan.left), (Freed { files: 2, bytes: 200 }, Freed { files: 3, bytes: 300 }));

@@ -52,7 +52,11 @@ impl Store {
             let fits = asked.max_bytes.is_some_and(|most| newest <= most);
             let newer = runs[..position].iter().filter(|newer| run.is_same_pipeline(newer)).count();
             let record = self.record_path(&run.id);
-            if stay.contains(&run.id.as_str()) || fits || newer < asked.keep_last || !is_older(&record, asked.older_than) {
+            if stay.contains(&run.id.as_str())
+                || fits
+                || newer < asked.keep_last
+                || !is_older(&record, asked.older_than)
+            {
                 pruned.kept += 1;
                 continue;
             }
@@ -100,8 +104,8 @@ impl Store {
 
 #[cfg(test)]
 mod tests {
-    use super::super::testing::{run, store};
     use super::super::Run;
+    use super::super::testing::{run, store};
     use super::*;
 
     #[test]
@@ -157,7 +161,10 @@ mod tests {
         }
         store.mark_keep("2", true).expect("marks");
         let ids = |ids: &[&str]| ids.iter().map(|id| (*id).to_owned()).collect::<Vec<_>>();
-        assert!(matches!(store.remove_runs(&ids(&["1-a", "2"]), false), Err(StoreError::RunStays { goes_on: false, .. })));
+        assert!(matches!(
+            store.remove_runs(&ids(&["1-a", "2"]), false),
+            Err(StoreError::RunStays { goes_on: false, .. })
+        ));
         assert!(matches!(store.remove_runs(&ids(&["1"]), false), Err(StoreError::AmbiguousRun { .. })));
         assert_eq!(store.runs().expect("lists").len(), 3);
         let removed = store.remove_runs(&ids(&["1-a", "1-a"]), false).expect("removes");

@@ -177,7 +177,8 @@ mod tests {
 
     #[test]
     fn more_full_runs_of_each_pipeline_count_if_that_is_asked_for() {
-        let texts = ["a failed", "a finished", "b finished", "a finished", "a finished only", "a finished", "b finished"];
+        let texts =
+            ["a failed", "a finished", "b finished", "a finished", "a finished only", "a finished", "b finished"];
         let runs: Vec<RunSummary> = texts.iter().enumerate().map(|(number, text)| summary(number, text)).collect();
         let found = |keep_last| roots(&runs, keep_last).iter().map(|run| run.id.as_str()).collect::<Vec<_>>();
         assert_eq!(found(1), ["0", "1", "2"]);

@@ -47,3 +47,36 @@ fn bytes<'a>(file: &'a Bytes, column: &ColumnChunkMetaData) -> Option<&'a [u8]> 
     let start = usize::try_from(start).ok()?;
     file.get(start..start.checked_add(usize::try_from(length).ok()?)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use arrow::array::{ArrayRef, Int32Array, RecordBatch};
+    use parquet::arrow::ArrowWriter;
+    use parquet::file::properties::WriterProperties;
+
+    use super::*;
+
+    /// Writes two columns in groups of two rows.
+    fn file(left: &[i32], right: &[i32]) -> Bytes {
+        let column = |values: &[i32]| -> ArrayRef { Arc::new(Int32Array::from(values.to_vec())) };
+        let batch = RecordBatch::try_from_iter([("left", column(left)), ("right", column(right))]).expect("fits");
+        let properties = WriterProperties::builder().set_max_row_group_row_count(Some(2)).build();
+        let mut bytes = Vec::new();
+        let mut writer = ArrowWriter::try_new(&mut bytes, batch.schema(), Some(properties)).expect("begins");
+        writer.write(&batch).expect("writes");
+        writer.close().expect("ends");
+        Bytes::from(bytes)
+    }
+
+    #[test]
+    fn columns_that_differ_are_named_by_group() {
+        let before = file(&[1, 2, 3, 4], &[5, 6, 7, 8]);
+        let found = differing_columns(before.clone(), file(&[1, 2, 3, 9], &[5, 6, 7, 8])).expect("both are tables");
+        assert_eq!(found, [ColumnPlace { group: 1, column: "left".to_owned() }]);
+        assert_eq!(differing_columns(before.clone(), before.clone()), Some(Vec::new()));
+        assert_eq!(differing_columns(before.clone(), file(&[1, 2, 3], &[5, 6, 7])), None);
+        assert_eq!(differing_columns(before, Bytes::from_static(b"no table")), None);
+    }
+}

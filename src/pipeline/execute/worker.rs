@@ -20,11 +20,22 @@ const EVERY_MS: u64 = 100;
 
 /// What the thread of a task sends.
 pub(super) enum Message {
-    Progress { task: usize, done: u64, total: u64 },
-    Odd { task: usize, message: String },
+    Progress {
+        task: usize,
+        done: u64,
+        total: u64,
+    },
+    Odd {
+        task: usize,
+        message: String,
+    },
     /// What the run will take.
     Foreseen(Foreseen),
-    Ended { task: usize, wall_s: f64, result: Result<Made, Trouble> },
+    Ended {
+        task: usize,
+        wall_s: f64,
+        result: Result<Made, Trouble>,
+    },
 }
 
 /// What came out of a task.

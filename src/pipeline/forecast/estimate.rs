@@ -149,7 +149,8 @@ impl Fits {
         let amounts: Vec<f64> = observations.iter().filter_map(|other| other.amount).collect();
         let usual = if amounts.is_empty() { 1.0 } else { mean(&amounts) };
         let fit = |value: &dyn Fn(&Observation) -> f64| {
-            let points = observations.iter().map(|other| (other.read.map(|read| read as f64), other.rate(value(other), usual)));
+            let points =
+                observations.iter().map(|other| (other.read.map(|read| read as f64), other.rate(value(other), usual)));
             Fit::of(&points.collect::<Vec<_>>())
         };
         Self { seconds: fit(&|other| other.seconds), bytes: fit(&|other| other.bytes as f64) }
