@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Group, Work};
+use super::work::{Group, Work};
 use crate::store::NodeName;
 
 /// How many of a node's own observations count: the newest that are alike.

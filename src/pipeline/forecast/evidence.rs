@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::estimate::Observation;
-use super::{Group, PartKind, Work, WorkState, done};
+use super::work::{Group, PartKind, Work, WorkState};
 use crate::pipeline::graph::{Graph, Work as Task};
 use crate::pipeline::plan::{Plan, State};
 use crate::pipeline::spec::Pipeline;
@@ -38,6 +38,16 @@ pub(super) fn work(plan: &Plan) -> Vec<Work> {
         exclusive: false,
     };
     plan.tasks.iter().map(of).collect()
+}
+
+/// Returns the size of what a plan's task is on record with.
+fn done(state: &State) -> WorkState {
+    match state {
+        State::Hit { artifact } => WorkState::Done(artifact.bytes()),
+        State::Run(_) => WorkState::Runs,
+        State::Depends(_) => WorkState::Depends,
+        State::OutOfScope => WorkState::Outside,
+    }
 }
 
 /// Returns of each node that has parts what those are.

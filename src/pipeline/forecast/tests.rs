@@ -1,4 +1,7 @@
+use super::super::estimate::Basis;
+use super::super::work::{Group, PartKind};
 use super::*;
+use crate::store::NodeName;
 
 fn group(stage: &str, part: PartKind) -> Group {
     Group { stage: stage.to_owned(), part }
