@@ -22,7 +22,8 @@ fn pipeline(maps: usize) -> Pipeline {
          heat: {{ use: heat, map: $maps, model: model }}\n  scores: {{ use: score, heat: heat, labels: labels }}\n"
     );
     let variables = BTreeMap::new();
-    let request = Request::new(Path::new("bench.yaml"), &[], &variables, &toy::register());
+    let register = toy::register();
+    let request = Request::new(Path::new("bench.yaml"), &[], &variables, &register);
     spec::parse(&text, &request).expect("the pipeline is right")
 }
 

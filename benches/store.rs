@@ -68,6 +68,7 @@ fn filled(count: usize) -> Filled {
         key: Some(*key),
         artifact: Some(artifact.clone()),
         wall_s: 0.0,
+        amount: None,
         inputs: vec![format!("maps/home_{:03}", number / 10)],
         error: None,
     });

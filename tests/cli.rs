@@ -3,8 +3,10 @@
 //! One small pipeline is run once for all tests; a test that needs its store gets a copy. Ids, times, digests and sizes are
 //! pinned by filters. The snapshots lie in `cli/snapshots`.
 
+mod answers;
 mod commands;
 mod exports;
+mod live;
 mod maps;
 mod own_stages;
 mod plan_path;
@@ -184,6 +186,7 @@ fn check_without(name: &str, text: &str, filters: &[(&str, &str)]) {
         settings.add_filter(pattern, *stand_in);
     }
     settings.add_filter(r"\d{8}-\d{6}-[0-9a-f]{6}", "20260314-101530-abcdef");
+    settings.add_filter(r"took \d[\d., ]* times", "took N times");
     settings.add_filter(r"\b[0-9a-f]{64}\b", "<digest>");
     settings.add_filter(r"\b[0-9a-f]{12}\b", "0123456789ab");
     settings.add_filter(r" *\b\d+(\.\d+)? ([KMG]i)?B\b", " <size>");

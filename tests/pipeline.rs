@@ -1,8 +1,11 @@
 //! The engine end to end, with toy stages: what runs, what is a hit, and what is said when something is wrong.
 
 mod errors;
+mod forecasts;
 mod plans;
+mod rechecks;
 mod runs;
+mod selections;
 mod sharing;
 mod sweeps;
 mod toy;
@@ -17,6 +20,7 @@ use tempfile::TempDir;
 use trodden::pipeline::error::PipelineError;
 use trodden::pipeline::event::Event;
 use trodden::pipeline::execute::{Options, RunReport, execute};
+use trodden::pipeline::selection::Selection;
 use trodden::pipeline::spec::{self, Pipeline, Request};
 use trodden::store::{Digest, Outcome, Store};
 
@@ -82,7 +86,8 @@ static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// Runs a pipeline and keeps what it said.
 fn run(store: &Store, pipeline: &Pipeline, change: impl FnOnce(&mut Options)) -> Seen {
-    let mut options = Options { jobs: 2, memory: 1 << 30, keep_going: false, only: Vec::new(), cancelled: &NEVER };
+    let mut options =
+        Options { jobs: 2, memory: 1 << 30, keep_going: false, selection: Selection::default(), cancelled: &NEVER };
     change(&mut options);
     let mut events = Vec::new();
     let report = execute(pipeline, store, &options, &mut |event| events.push(event.clone()));

@@ -74,6 +74,7 @@ impl Maker {
             key: None,
             artifact: Some(artifact),
             wall_s: 0.125,
+            amount: None,
             inputs: inputs.iter().map(|input| (*input).to_owned()).collect(),
             error: None,
         });

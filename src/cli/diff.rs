@@ -18,7 +18,7 @@ Example:
   trodden diff 20260314T1 latest"
 )]
 pub struct Args {
-    /// The earlier run: its id, the beginning of it, or `latest`.
+    /// The earlier run: its id, the beginning of it, a tag, or `latest`.
     before: String,
     /// The later run.
     #[arg(default_value = "latest")]

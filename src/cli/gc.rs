@@ -5,9 +5,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use super::error::CliError;
-use super::request::age;
+use super::request::{age, size};
 use super::screen::{Screen, bytes};
-use crate::store::{Collect, Collected, Freed, Store};
+use crate::store::{Collect, Collected, Evict, Evicted, Freed, Store};
 
 /// Arguments of `gc`.
 #[derive(Debug, clap::Args)]
@@ -19,7 +19,9 @@ On a terminal it shows what would go and asks; elsewhere it does not ask. Record
 Examples:
   trodden gc --dry-run          what would go
   trodden gc                    the same, a question, and then it goes
-  trodden gc --older-than 0s    whatever its age, for example when the disk is full"
+  trodden gc --older-than 0s    whatever its age, for example when the disk is full
+  trodden gc --keep-last 5      the newest five full runs of each pipeline count
+  trodden gc --max-size 10GiB   only as much as it takes to make the artifacts fit, what was not used for longest first"
 )]
 pub struct Args {
     /// Only show what would go; writes nothing.
@@ -28,6 +30,12 @@ pub struct Args {
     /// Keep what is younger: `30m`, `12h`, `1d`, `2w`; `0s` keeps nothing for its age.
     #[arg(long, value_name = "AGE", default_value = "1d", value_parser = age)]
     older_than: Duration,
+    /// Free artifacts that no run needs only until all others fit into this (`10GiB`), first what was not used for longest.
+    #[arg(long, value_name = "SIZE", value_parser = size)]
+    max_size: Option<u64>,
+    /// Keep what this many of the newest full runs of each pipeline reach.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    keep_last: usize,
     /// Do not ask.
     #[arg(long, short)]
     yes: bool,
@@ -36,7 +44,10 @@ pub struct Args {
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let store = Store::open_existing(store)?;
-        let asked = |dry_run| Collect { dry_run, older_than: self.older_than };
+        if let Some(max_bytes) = self.max_size {
+            return self.fit(&store, max_bytes, screen);
+        }
+        let asked = |dry_run| Collect { dry_run, older_than: self.older_than, keep_last: self.keep_last };
         let planned = store.collect(&asked(true))?;
         if !screen.json() {
             describe(&planned, screen)?;
@@ -56,6 +67,51 @@ impl Args {
         }
         Ok(ExitCode::SUCCESS)
     }
+
+    /// Frees only as much as it takes to fit.
+    fn fit(&self, store: &Store, max_bytes: u64, screen: &Screen) -> Result<ExitCode, CliError> {
+        let asked = |dry_run| Evict { max_bytes, older_than: self.older_than, keep_last: self.keep_last, dry_run };
+        let planned = store.evict(&asked(true))?;
+        let size = bytes(planned.freed.bytes);
+        if !screen.json() {
+            screen.line(format!(
+                "would free {} objects, {size}; {}",
+                planned.freed.files,
+                left(&planned, max_bytes)
+            ))?;
+        }
+        let goes = !self.dry_run && planned.freed.files > 0;
+        let done = goes && (self.yes || screen.ask(&format!("free {size}?"))?);
+        let evicted = if done { store.evict(&asked(false))? } else { planned };
+        if screen.json() {
+            let part = |freed: &Freed| serde_json::json!({ "files": freed.files, "bytes": freed.bytes });
+            screen.object(&serde_json::json!({
+                "dry_run": !done,
+                "objects": part(&evicted.freed),
+                "left": part(&evicted.left),
+                "needed": part(&evicted.needed),
+                "young": part(&evicted.young),
+                "max_bytes": max_bytes,
+                "fits": evicted.fits,
+            }))?;
+        } else if done {
+            screen.line(format!("freed {}", bytes(evicted.freed.bytes)))?;
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+}
+
+/// Says what is left, and why that does not fit if it does not.
+fn left(evicted: &Evicted, max_bytes: u64) -> String {
+    let all = bytes(evicted.left.bytes);
+    if evicted.fits {
+        return format!("{all} are left and fit into {}", bytes(max_bytes));
+    }
+    let mut reasons = vec![format!("runs need {}", bytes(evicted.needed.bytes))];
+    if evicted.young.files > 0 {
+        reasons.push(format!("{} are not old enough, see `--older-than`", bytes(evicted.young.bytes)));
+    }
+    format!("{all} are left, which is more than {}: {}", bytes(max_bytes), reasons.join(", "))
 }
 
 fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {

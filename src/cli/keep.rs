@@ -15,7 +15,7 @@ Examples:
   trodden keep latest
   trodden keep 20260314-101530 --off")]
 pub struct Args {
-    /// Id of the run, the beginning of it, or `latest`.
+    /// Id of the run, the beginning of it, a tag, or `latest`.
     run: String,
     /// Take the mark away.
     #[arg(long)]
@@ -47,7 +47,7 @@ impl Args {
 }
 
 /// Says what of a run cannot be kept any more.
-fn gone(id: &str, missing: &[Missing]) -> CliError {
+pub(super) fn gone(id: &str, missing: &[Missing]) -> CliError {
     const SHOWN: usize = 8;
     let mut nodes: Vec<&str> = missing.iter().flat_map(|missing| &missing.nodes).map(String::as_str).collect();
     nodes.sort_unstable();

@@ -7,21 +7,24 @@ use super::error::CliError;
 use super::request::find_run;
 use super::runs;
 use super::screen::{Screen, bytes, columns, word};
-use crate::store::{Role, RunNode, Store};
+use crate::pipeline::meaning::{Meaning, is_pattern};
+use crate::store::{NodeName, Role, RunNode, Store};
 
 /// Arguments of `ls`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   trodden ls                    the nodes of the newest run
   trodden ls labels             those of one stage
+  trodden ls '*/home_0?'        those that fit a pattern; parts only if it means parts, or with `--all`
   trodden ls --runs             all runs")]
 pub struct Args {
-    /// Only nodes whose name begins so.
+    /// Only nodes whose name begins so, or fits a pattern with `*`, `?` or `[ab]`.
+    #[arg(value_name = "NODE")]
     prefix: Option<String>,
     /// Of this pipeline's newest run.
     #[arg(long)]
     pipeline: Option<String>,
-    /// Of this run: its id, the beginning of it, or `latest`.
+    /// Of this run: its id, the beginning of it, a tag, or `latest`.
     #[arg(long, value_name = "ID")]
     run: Option<String>,
     /// Chunks and epochs too.
@@ -40,8 +43,18 @@ impl Args {
         }
         let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref())?;
         let prefix = self.prefix.as_deref().unwrap_or_default();
-        let wanted = |node: &&RunNode| node.node.starts_with(prefix) && (self.all || node.role == Role::Node);
-        let nodes: Vec<&RunNode> = run.nodes.iter().filter(wanted).collect();
+        let begins = |node: &&RunNode| node.node.starts_with(prefix) && (self.all || node.role == Role::Node);
+        let mut nodes: Vec<&RunNode> = run.nodes.iter().filter(begins).collect();
+        // The name of a map may have signs of patterns.
+        if nodes.is_empty() && is_pattern(prefix) {
+            let names: Vec<&NodeName> = run.nodes.iter().map(|node| &node.node).collect();
+            let meaning = Meaning::among(&names, prefix)?;
+            let fits = |node: &&RunNode| match self.all || node.role == Role::Node {
+                true => meaning.includes(&node.node),
+                false => meaning.is(&node.node),
+            };
+            nodes = run.nodes.iter().filter(fits).collect();
+        }
         if nodes.is_empty() && !prefix.is_empty() {
             return Err(CliError::advised(
                 format!("no node of the run {} begins with `{prefix}`", run.id),

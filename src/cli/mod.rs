@@ -1,17 +1,20 @@
 //! Speaks. One file per command: it reads arguments, asks the other rooms, and prints.
 //!
 //! stdout is data, stderr is progress and errors. Exit codes: 0 done, 1 a stage or a disk failed, 2 a bad request, 3
-//! a damaged store, 130 interrupted.
+//! a damaged store, 4 something would run (`plan --exit-code`), 130 interrupted.
 
 mod annotate;
 mod check;
 mod completions;
+mod cost;
 mod crowd_args;
 mod diff;
 mod error;
 mod export;
+mod follow;
 mod gc;
 pub(crate) mod heat_file;
+mod how;
 mod import_args;
 mod init;
 mod keep;
@@ -23,12 +26,14 @@ mod out_folder;
 mod paths;
 mod plan;
 mod plan_path;
+mod recheck;
 mod report;
 mod request;
 mod run;
 mod runs;
 mod schema;
 mod screen;
+mod selection;
 mod show;
 mod signals;
 mod simulate;
@@ -38,6 +43,7 @@ mod sweep;
 mod table;
 mod track_args;
 mod verify;
+mod watch;
 mod why;
 
 use std::ffi::OsString;
@@ -88,6 +94,8 @@ enum Command {
     Sweep(sweep::Args),
     /// Compare runs and variants in a table: what differs, and what came of it.
     Table(table::Args),
+    /// Run a pipeline, and again whenever its file or a source file changes.
+    Watch(watch::Args),
     /// Show what a run would do.
     Plan(plan::Args),
     /// Say why a node ran, or would run: what differs from the pipeline's previous run.
@@ -96,7 +104,7 @@ enum Command {
     Status(status::Args),
     /// List runs, or the nodes and artifacts of a run.
     Ls(ls::Args),
-    /// List runs, or remove the records of old ones.
+    /// List runs, give them names, or remove the records of some.
     Runs(runs::Args),
     /// Show an artifact: a raster as a picture, a table as a table.
     Show(show::Args),
@@ -182,6 +190,7 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Run(args) => args.run(register, store, screen),
         Command::Sweep(args) => args.run(register, store, screen),
         Command::Table(args) => args.run(register, store, screen),
+        Command::Watch(args) => args.run(register, store, screen),
         Command::Plan(args) => args.run(register, store, screen),
         Command::Why(args) => args.run(register, store, screen),
         Command::Status(args) => args.run(store, screen),

@@ -3,60 +3,95 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use super::cost::{Cost, HEADER};
 use super::error::CliError;
+use super::how::cores;
 use super::request::{Known, PipelineArgs};
 use super::screen::{Screen, columns};
+use super::selection::{NAMES, SelectionArgs};
 use crate::pipeline::plan::{Plan, PlannedTask, State, plan};
+use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
 use crate::pipeline::stage::Register;
 use crate::store::Role;
 
 /// Arguments of `plan`.
 #[derive(Debug, clap::Args)]
-#[command(after_help = "States:
+#[command(after_help = format!("States:
   hit      it is in the store
   run      it must run
   depends  it must run unless what it reads comes out as before
 
+{NAMES}
+
+Exit codes: 0 done; with `--exit-code` 0 nothing would run, {SOMETHING} something would; 2 a bad request, 3 a damaged store.
+
 Examples:
   trodden plan pipelines/quickstart.yaml --set labels.classes=4
-  trodden plan pipelines/quickstart.yaml --only heat --all")]
+  trodden plan pipelines/quickstart.yaml --only heat --all
+  trodden plan pipelines/quickstart.yaml --until labels
+  trodden plan pipelines/quickstart.yaml --set labels.classes=4 --cost --jobs 4
+  trodden plan pipelines/quickstart.yaml --exit-code > /dev/null || echo out of date"))]
 pub struct Args {
     #[command(flatten)]
     pipeline: PipelineArgs,
-    /// Only this node, stage or part and what it needs; may be given more than once.
-    #[arg(long, value_name = "NODE")]
-    only: Vec<String>,
+    #[command(flatten)]
+    selection: SelectionArgs,
     /// Chunks and epochs too.
     #[arg(long, short)]
     all: bool,
+    /// Foresee how long it takes and how much it writes, from what is on record.
+    #[arg(long)]
+    cost: bool,
+    /// With `--cost`: the most nodes at a time [default: one for each core].
+    #[arg(long, short, value_name = "N", requires = "cost", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    jobs: Option<u32>,
+    /// End with 4 if something would run, or might.
+    #[arg(long)]
+    exit_code: bool,
 }
+
+/// The exit code of a plan in which something would run. 1 to 3 are errors.
+const SOMETHING: u8 = 4;
 
 impl Args {
     pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        print_plan(&self.pipeline.load(register)?, store, &self.only, self.all, screen)
+        let pipeline = self.pipeline.load(register)?;
+        let plan = planned(&pipeline, store, &(&self.selection).into())?;
+        let jobs = self.jobs.map_or_else(cores, |jobs| jobs as usize);
+        let cost = if self.cost { Some(Cost::of(&pipeline, &plan, store, jobs)?) } else { None };
+        print(&plan, cost.as_ref(), self.all, screen)?;
+        let counts = plan.counts();
+        let idle = counts.run + counts.depends == 0;
+        Ok(if idle || !self.exit_code { ExitCode::SUCCESS } else { ExitCode::from(SOMETHING) })
     }
+}
+
+/// Checks the sources and plans.
+fn planned(pipeline: &Pipeline, store: &Path, selection: &Selection) -> Result<Plan, CliError> {
+    check_sources(pipeline)?;
+    Ok(plan(pipeline, &Known::at(store)?, selection)?)
 }
 
 /// Checks the sources, plans and prints.
 pub(super) fn print_plan(
     pipeline: &Pipeline,
     store: &Path,
-    only: &[String],
-    all: bool,
+    selection: &Selection,
     screen: &Screen,
 ) -> Result<ExitCode, CliError> {
-    check_sources(pipeline)?;
-    print(&plan(pipeline, &Known::at(store)?, only)?, all, screen)
+    print(&planned(pipeline, store, selection)?, None, false, screen)?;
+    Ok(ExitCode::SUCCESS)
 }
 
-fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> {
+fn print(plan: &Plan, cost: Option<&Cost>, all: bool, screen: &Screen) -> Result<(), CliError> {
     let counts = plan.counts();
     let shown = |task: &&PlannedTask| !matches!(task.state, State::OutOfScope) && (all || task.role == Role::Node);
     if screen.json() {
-        for task in plan.tasks.iter().filter(|task| !matches!(task.state, State::OutOfScope)) {
+        let asked = |(_, task): &(usize, &PlannedTask)| !matches!(task.state, State::OutOfScope);
+        for (index, task) in plan.tasks.iter().enumerate().filter(asked) {
             let (state, detail) = describe(plan, task);
-            let object = serde_json::json!({
+            let mut object = serde_json::json!({
                 "node": task.name.to_string(),
                 "state": state,
                 "why": detail,
@@ -64,11 +99,16 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> 
                 "stage": task.stage,
                 "kind": task.kind,
             });
+            if let Some(cost) = cost {
+                object["cost"] = cost.json_of(index);
+            }
             screen.object(&object)?;
         }
-        let object = serde_json::json!({ "run": counts.run, "depends": counts.depends, "hit": counts.hit });
-        screen.object(&object)?;
-        return Ok(ExitCode::SUCCESS);
+        let mut object = serde_json::json!({ "run": counts.run, "depends": counts.depends, "hit": counts.hit });
+        if let Some(cost) = cost {
+            object["cost"] = cost.json();
+        }
+        return screen.object(&object);
     }
     let rows: Vec<Vec<String>> = plan
         .tasks
@@ -76,15 +116,21 @@ fn print(plan: &Plan, all: bool, screen: &Screen) -> Result<ExitCode, CliError> 
         .filter(shown)
         .map(|task| {
             let (state, detail) = describe(plan, task);
-            vec![task.name.to_string(), task.stage.to_string(), state.to_owned(), detail]
+            let mut row = vec![task.name.to_string(), task.stage.to_string(), state.to_owned()];
+            if let Some(cost) = cost {
+                row.extend(cost.cells(plan, task, all));
+            }
+            row.push(detail);
+            row
         })
         .collect();
-    screen.line(columns(&["node", "stage", "state", "why"], &rows))?;
+    let cells: &[&str] = if cost.is_some() { &HEADER } else { &[] };
+    screen.line(columns(&[&["node", "stage", "state"], cells, &["why"]].concat(), &rows))?;
     screen.line(format!(
         "{} to run, {} depend on what comes out, {} in the store (chunks and epochs included)",
         counts.run, counts.depends, counts.hit
     ))?;
-    Ok(ExitCode::SUCCESS)
+    cost.map_or(Ok(()), |cost| cost.lines().iter().try_for_each(|line| screen.line(line)))
 }
 
 /// The state in a word, and why.

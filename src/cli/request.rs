@@ -71,6 +71,29 @@ pub fn age(text: &str) -> Result<Duration, String> {
     seconds.map(Duration::from_secs).ok_or_else(|| "expected a number with s, m, h, d or w, such as `12h`".to_owned())
 }
 
+/// Reads a size such as `10GiB`, `500MB` or `0`.
+pub fn size(text: &str) -> Result<u64, String> {
+    const UNITS: &[(&str, f64)] = &[
+        ("", 1.0),
+        ("B", 1.0),
+        ("kB", 1e3),
+        ("MB", 1e6),
+        ("GB", 1e9),
+        ("TB", 1e12),
+        ("KiB", 1024.0),
+        ("MiB", 1_048_576.0),
+        ("GiB", 1_073_741_824.0),
+        ("TiB", 1_099_511_627_776.0),
+    ];
+    let (number, unit) = text.split_at(text.find(|c: char| c.is_ascii_alphabetic()).unwrap_or(text.len()));
+    let unit = UNITS.iter().find(|(name, _)| name.eq_ignore_ascii_case(unit.trim())).map(|(_, bytes)| *bytes);
+    let number = number.trim().parse::<f64>().ok().filter(|number| number.is_finite() && *number >= 0.0);
+    let bytes = unit.zip(number).map(|(unit, number)| unit * number).filter(|bytes| *bytes < 1e18);
+    bytes
+        .map(|bytes| bytes as u64)
+        .ok_or_else(|| "expected a number with B, MB, GB, MiB or GiB, such as `10GiB`".to_owned())
+}
+
 /// What a plan is held against: a store, or nothing where none is yet. Looking makes none.
 #[derive(Debug)]
 pub struct Known(Option<Store>);
@@ -86,6 +109,12 @@ impl Known {
             Err(StoreError::NoStore { .. }) => Ok(Self(None)),
             Err(error) => Err(error.into()),
         }
+    }
+
+    /// Returns the store, if there is one.
+    #[must_use]
+    pub const fn store(&self) -> Option<&Store> {
+        self.0.as_ref()
     }
 
     /// Returns the newest run of a pipeline: of its name and its file.
@@ -162,6 +191,19 @@ pub fn find_node<'a>(run: &'a Run, name: &str) -> Result<&'a RunNode, CliError> 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn sizes_have_units() {
+        let check = |text: &str, bytes| assert_eq!(size(text).ok(), bytes, "{text}");
+        check("0", Some(0));
+        check("512B", Some(512));
+        check("500MB", Some(500_000_000));
+        check("1.5 GiB", Some(1_610_612_736));
+        check("2tib", Some(2 << 40));
+        for text in ["", "GiB", "-1MB", "1PB", "1 G", "nanB", "1e300TB"] {
+            check(text, None);
+        }
+    }
 
     #[test]
     fn ages_have_units() {

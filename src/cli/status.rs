@@ -4,17 +4,39 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use super::error::CliError;
+use super::follow::follow;
 use super::runs::run_table;
 use super::screen::{Screen, bytes};
 use crate::store::{RunStatus, RunSummary, Store};
 
 /// Arguments of `status`.
 #[derive(Debug, clap::Args)]
-pub struct Args {}
+#[command(
+    after_help = "`--follow` shows a run that goes on in another process until it ends: which nodes are done with, by the record that it writes every few seconds. Ctrl-C ends the looking, not the run.
+
+Examples:
+  trodden status
+  trodden status --follow                       the newest run that goes on
+  trodden status --follow --run 20260314-1015   this one
+  trodden status --follow --json                the same as events, as `run --json` prints them
+
+Exit codes with `--follow`: those of the run."
+)]
+pub struct Args {
+    /// Show a run that goes on until it ends.
+    #[arg(long, short)]
+    follow: bool,
+    /// Follow this run: its id, the beginning of it, or a tag.
+    #[arg(long, value_name = "ID", requires = "follow")]
+    run: Option<String>,
+}
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let store = Store::open_existing(store)?;
+        if self.follow {
+            return follow(&store, self.run.as_deref(), screen);
+        }
         let mut newest: Vec<RunSummary> = Vec::new();
         for run in store.runs()? {
             if !newest.iter().any(|newer| run.is_same_pipeline(newer)) {

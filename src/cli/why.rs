@@ -7,6 +7,7 @@ use super::error::CliError;
 use super::request::{Known, find_run, load};
 use super::screen::Screen;
 use crate::pipeline::plan::plan;
+use crate::pipeline::selection::Selection;
 use crate::pipeline::stage::Register;
 use crate::pipeline::why::{of_plan, of_run};
 use crate::store::{Run, Store};
@@ -18,10 +19,11 @@ use crate::store::{Run, Store};
 
 Examples:
   trodden why labels
+  trodden why '*/home_03'
   trodden why model pipelines/quickstart.yaml --set model.epochs=10"
 )]
 pub struct Args {
-    /// A node (`labels/home_03`), a stage (`labels`) or a part (`model/epoch-07`).
+    /// A node (`labels/home_03`), a stage (`labels`), a part (`model/epoch-07`) or a pattern (`'*/home_0?'`).
     node: String,
     /// Pipeline file, to ask what the next run would do.
     #[arg(value_name = "PIPELINE")]
@@ -29,7 +31,7 @@ pub struct Args {
     /// Override a value of the file.
     #[arg(long = "set", value_name = "PATH=VALUE", requires = "file")]
     sets: Vec<String>,
-    /// Speak of this run: its id, the beginning of it, or `latest`.
+    /// Speak of this run: its id, the beginning of it, a tag, or `latest`.
     #[arg(long, value_name = "ID", conflicts_with = "file")]
     run: Option<String>,
     /// Speak of this pipeline's newest run.
@@ -43,7 +45,7 @@ impl Args {
             Some(file) => {
                 let pipeline = load(file, &self.sets, register)?;
                 let known = Known::at(store)?;
-                let plan = plan(&pipeline, &known, &[])?;
+                let plan = plan(&pipeline, &known, &Selection::default())?;
                 of_plan(&plan, known.latest_run(&pipeline)?.as_ref(), &known, &self.node)?
             }
             None => {

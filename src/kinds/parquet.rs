@@ -7,6 +7,7 @@
 mod any_table;
 mod footer;
 mod pages;
+mod places;
 mod read;
 mod thrift;
 
@@ -28,6 +29,7 @@ use crate::domain::geometry::Frame;
 use crate::store::StoreError;
 
 pub use any_table::AnyTable;
+pub use places::{ColumnPlace, differing_columns};
 pub use read::{Batch, Batches, Outline, Table, read_any, wrong_value};
 
 /// Rows of a row group, unless rows are large.

@@ -28,6 +28,25 @@ pub enum PipelineError {
     /// A name given by the user is no node, stage or part of the pipeline.
     #[error("unknown node `{name}`")]
     UnknownNode { name: String, help: Option<String> },
+    /// A pattern given by the user is faulty.
+    #[error("`{pattern}` is no pattern")]
+    Pattern {
+        pattern: String,
+        #[source]
+        source: glob::PatternError,
+    },
+    /// A pattern given by the user fits no node, stage or part of the pipeline.
+    #[error("no node fits the pattern `{pattern}`")]
+    Unmatched { pattern: String, help: Option<String> },
+    /// Everything that was asked for was left out again.
+    #[error("nothing is left to run of what was asked for")]
+    NothingLeft,
+    /// What is to be made again is not asked for.
+    #[error("`{name}` is to be made again, but is no part of what was asked for")]
+    NotAsked { name: String },
+    /// Nothing of what was to be compared is on record.
+    #[error("nothing of what was to be checked is on record")]
+    NothingOnRecord,
     /// The files outside of the store that a node reads could not be found or understood.
     #[error("failed to find the source files of `{node}`: {source}")]
     Sources {
@@ -51,7 +70,15 @@ impl PipelineError {
     #[must_use]
     pub fn help(&self) -> Option<String> {
         match self {
-            Self::UnknownNode { help, .. } => help.clone(),
+            Self::UnknownNode { help, .. } | Self::Unmatched { help, .. } => help.clone(),
+            Self::Pattern { .. } => {
+                Some("`*` and `?` stand for characters, `[ab]` for one of them, `**` for whole levels".to_owned())
+            }
+            Self::NothingLeft => Some("what is excluded takes along all that reads it".to_owned()),
+            Self::NothingOnRecord => {
+                Some("run the pipeline first: what it makes is made again and compared".to_owned())
+            }
+            Self::NotAsked { .. } => Some("ask for it, or do not force it".to_owned()),
             Self::TooLarge { .. } => Some(
                 "ask for fewer maps, episodes or epochs, or split them between pipelines over one store".to_owned(),
             ),

@@ -72,6 +72,18 @@ pub enum Event {
         #[serde(default, skip_serializing_if = "Option::is_none")]
         help: Option<String>,
     },
+    /// A node was made again beside what is on record; told before it is done with.
+    Checked {
+        /// Name of the node.
+        #[serde(flatten)]
+        node: NodeName,
+        /// Whether the same bits came out.
+        same: bool,
+        /// The digest of what is on record.
+        before: Digest,
+        /// The digest of what came out.
+        now: Digest,
+    },
     /// Something is odd, but the run goes on.
     Warning {
         /// Name of the node.
@@ -213,6 +225,7 @@ impl RunState {
                     self.failures.push(FailedNode { node: node.to_string(), message, help: help.clone() });
                 }
             }
+            Event::Checked { .. } => {}
             Event::Warning { node, message } => self.warnings.push(match node {
                 Some(node) => format!("`{node}`: {message}"),
                 None => message.clone(),

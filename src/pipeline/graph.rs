@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use super::error::PipelineError;
-use super::spec::{MOST_TASKS, Node, Pipeline, Wire, suggest};
-use super::stage::{Division, Part};
-use crate::store::{NodeName, NodePart, Role};
+use super::meaning::find_named;
+use super::spec::{MOST_TASKS, Node, Pipeline, Wire};
+use super::stage::{Division, Input, Inputs, Part};
+use crate::store::{Artifact, NodeName, NodePart, Role};
 
 /// The tasks of a pipeline; each stands after those that it reads.
 #[derive(Debug)]
@@ -113,7 +114,15 @@ impl<'p> Graph<'p> {
         &self.pipeline.nodes[task.node]
     }
 
-    /// Returns the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
+    /// Returns how much work a task is, in its stage's own unit.
+    pub(crate) fn amount(&self, task: usize) -> f64 {
+        match self.tasks[task].work {
+            Work::Part(part) => self.node(task).stage.amount(part),
+            Work::Close => 1.0,
+        }
+    }
+
+    /// Returns the tasks that a name or a pattern means: a task, a node with its parts, or all nodes of a stage.
     pub(crate) fn named(&self, name: &str) -> Result<Vec<usize>, PipelineError> {
         find_named(&self.tasks.iter().map(|task| &task.name).collect::<Vec<_>>(), name)
     }
@@ -253,14 +262,26 @@ impl Task {
     pub(crate) fn role(&self) -> Role {
         self.name.role()
     }
-}
 
-/// Returns the positions of the names that a user means by one: of a task, a node with its parts, or all nodes of a stage.
-pub(crate) fn find_named(names: &[&NodeName], name: &str) -> Result<Vec<usize>, PipelineError> {
-    let found: Vec<usize> = (0..names.len()).filter(|position| names[*position].is_meant_by(name)).collect();
-    if found.is_empty() {
-        let help = suggest::node(name, names.iter().copied());
-        return Err(PipelineError::UnknownNode { name: name.to_owned(), help });
+    /// Puts together what it reads, without source files; `None` if an artifact is not known.
+    pub(crate) fn inputs(&self, artifact: &dyn Fn(usize) -> Option<Artifact>) -> Option<Inputs> {
+        let named = |(name, task): &(Arc<str>, usize)| Some((name.to_string(), artifact(*task)?));
+        let parts = self.parts.iter().map(named).collect::<Option<_>>()?;
+        let previous = match self.previous {
+            Some(task) => Some(artifact(task)?),
+            None => None,
+        };
+        let mut inputs = Inputs { parts, previous, ..Inputs::default() };
+        if self.work == Work::Close {
+            return Some(inputs);
+        }
+        for feed in &self.ports {
+            let input = match &feed.origin {
+                Origin::One(task) => Input::One(artifact(*task)?),
+                Origin::Group(members) => Input::Group(members.iter().map(named).collect::<Option<_>>()?),
+            };
+            inputs.ports.insert(feed.port.to_string(), input);
+        }
+        Some(inputs)
     }
-    Ok(found)
 }

@@ -7,7 +7,7 @@
 //!                      all that it reads is known
 //!  OutOfScope   Waiting ─────────── settle ──────────┬──► Hit      on record, and its objects are there
 //!                ▲   ▲                               ├──► Absent   on record, not there, and nobody needs it
-//!                │   │ it must run, and an input     └──► Todo     not on record, or not there and needed
+//!                │   │ it must run, and an input     └──► Todo     not on record, not there and needed, or forced
 //!                │   │ is absent: wait for it                │
 //!                │   └─────────────── demand ────────────────┤
 //!                │                                           ▼
@@ -29,6 +29,7 @@ use serde_json::Value;
 
 use super::error::PipelineError;
 use super::graph::{Graph, Origin, Work, extensions};
+use super::selection::Scope;
 use super::stage::{Part, StageError};
 use crate::store::{Artifact, Digest, InputDigest, Key, Recipe, Record, Role, Store, StoreError};
 
@@ -95,6 +96,8 @@ pub enum Reason {
         /// Position of that task.
         by: usize,
     },
+    /// It is on record, and is made again because that was asked for.
+    Forced,
 }
 
 impl fmt::Display for Reason {
@@ -103,6 +106,7 @@ impl fmt::Display for Reason {
             Self::Unmade => "nothing like it is on record",
             Self::Missing => "its object is missing",
             Self::Needed { .. } => "its object is missing, and something that runs reads it",
+            Self::Forced => "it is forced",
         })
     }
 }
@@ -121,10 +125,14 @@ pub(crate) struct Ledger<'a> {
     pub recipes: Vec<Option<Box<Recipe>>>,
     /// What is on record or was made.
     pub artifacts: Vec<Option<Artifact>>,
+    /// How many seconds what is on record took.
+    pub made_s: Vec<Option<f64>>,
     /// The source files of each node.
     pub sources: Vec<Arc<Sources>>,
     /// Whether the objects of a task must be there at the end.
     required: Vec<bool>,
+    /// Whether a task is made again although it is on record.
+    forced: Vec<bool>,
     needed_by: Vec<Option<usize>>,
     /// For a waiting task, how many of those that it reads are not known.
     pending: Vec<usize>,
@@ -135,42 +143,27 @@ pub(crate) struct Ledger<'a> {
 }
 
 impl<'a> Ledger<'a> {
-    /// Opens the ledger for the tasks that some names mean and all that they read, or for everything.
+    /// Opens the ledger for some tasks and what they need.
     pub(crate) fn new(
         graph: &'a Graph<'a>,
         lookups: &'a dyn Lookups,
-        only: &[String],
+        scope: Scope,
         foresee: bool,
     ) -> Result<Self, PipelineError> {
         let count = graph.tasks.len();
-        let (mut scope, mut targets) = (vec![only.is_empty(); count], vec![false; count]);
-        for name in only {
-            for task in graph.named(name)? {
-                scope[task] = true;
-                targets[task] |= graph.tasks[task].role() != Role::Step || graph.tasks[task].name == *name;
-            }
-        }
-        if only.is_empty() {
-            for (target, task) in targets.iter_mut().zip(&graph.tasks) {
-                *target = task.role() != Role::Step;
-            }
-        }
-        for task in (0..count).rev().filter(|_| !only.is_empty()) {
-            if scope[task] {
-                graph.tasks[task].reads.iter().for_each(|read| scope[*read] = true);
-            }
-        }
         let in_scope = |in_scope: &bool| if *in_scope { Status::Waiting } else { Status::OutOfScope };
         let mut ledger = Self {
             graph,
             lookups,
             foresee,
-            status: scope.iter().map(in_scope).collect(),
+            status: scope.tasks.iter().map(in_scope).collect(),
             keys: vec![None; count],
             recipes: vec![None; count],
             artifacts: vec![None; count],
+            made_s: vec![None; count],
             sources: Vec::new(),
-            required: targets,
+            required: scope.targets,
+            forced: scope.forced,
             needed_by: vec![None; count],
             pending: graph.tasks.iter().map(|task| task.reads.len()).collect(),
             settling: Vec::new(),
@@ -178,7 +171,7 @@ impl<'a> Ledger<'a> {
         };
         ledger.sources = ledger.find_sources()?;
         // Popped from the end: the first tasks come first.
-        ledger.settling = (0..count).rev().filter(|task| scope[*task] && ledger.pending[*task] == 0).collect();
+        ledger.settling = (0..count).rev().filter(|task| scope.tasks[*task] && ledger.pending[*task] == 0).collect();
         Ok(ledger)
     }
 
@@ -228,11 +221,13 @@ impl<'a> Ledger<'a> {
         let record = self.lookups.recall(&key)?;
         self.keys[task] = Some(key);
         self.recipes[task] = Some(Box::new(recipe));
+        self.made_s[task] = record.as_ref().and_then(|record| record.making.as_ref()).map(|making| making.wall_s);
         let artifact = record.map(|record| record.artifact).filter(|artifact| self.closes(task, artifact));
         let complete = artifact.as_ref().is_some_and(|artifact| self.lookups.complete(artifact));
         let recorded = artifact.is_some();
         self.artifacts[task] = artifact;
         self.status[task] = match (recorded, complete) {
+            (true, _) if self.forced[task] => Status::Todo(Reason::Forced),
             (true, true) => Status::Hit,
             (true, false) if !self.required[task] => Status::Absent,
             (true, false) if self.foresee && self.reads_todo(task) => Status::Incomplete,

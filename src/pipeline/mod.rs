@@ -5,8 +5,10 @@
 //! ```text
 //! spec     YAML  → Pipeline   nodes and what they read; everything about the file is checked here
 //! graph          → tasks      nodes, their chunks and steps, and what each reads
+//! selection      → tasks      which of them are asked for, by names and patterns (`meaning`)
 //! ledger         → states     recipes and keys; what is on record, what must run, what must be made again
 //! plan, execute               the ledger before a run, and while one goes on
+//! forecast plan  → seconds    from what is on record of earlier work
 //! event    run   → stream     folded once into a state, which bars, JSON and reports read
 //! why      plan or run and the run before → differences
 //! ```
@@ -14,10 +16,13 @@
 pub mod error;
 pub mod event;
 pub mod execute;
+pub mod forecast;
 mod graph;
 mod ledger;
+pub mod meaning;
 pub mod plan;
 pub mod schema;
+pub mod selection;
 pub mod spec;
 pub mod stage;
 pub mod why;

@@ -1,8 +1,10 @@
 //! Says what a run would do: which tasks are on record, which must run, which depend on what those give.
 
 use super::error::PipelineError;
-use super::graph::{Graph, find_named};
+use super::graph::Graph;
 use super::ledger::{Ledger, Status};
+use super::meaning::find_named;
+use super::selection::Selection;
 use super::spec::Pipeline;
 use crate::store::{Artifact, Key, NodeName, Recipe, Role};
 use std::borrow::Cow;
@@ -35,6 +37,10 @@ pub struct PlannedTask {
     pub state: State,
     /// `None` while some input is not known.
     pub key: Option<Key>,
+    /// How much work it is, in its stage's own unit.
+    pub amount: f64,
+    /// How many seconds what is on record took, where that is known.
+    pub made_s: Option<f64>,
     /// What is asked for; inputs that are not known are left out.
     pub recipe: Recipe,
 }
@@ -66,22 +72,34 @@ pub struct PlanCounts {
     pub depends: usize,
 }
 
-/// Plans a pipeline, or only what some nodes, stages or parts need.
+/// Plans a pipeline, or what of it is asked for. What is missing or forced is taken to come out as before.
 ///
 /// # Errors
 /// If a name means nothing, a source file cannot be read, or the store cannot.
-pub fn plan(pipeline: &Pipeline, lookups: &impl Lookups, only: &[String]) -> Result<Plan, PipelineError> {
+pub fn plan(pipeline: &Pipeline, lookups: &impl Lookups, selection: &Selection) -> Result<Plan, PipelineError> {
     let graph = Graph::new(pipeline)?;
-    let mut ledger = Ledger::new(&graph, lookups, only, true)?;
+    let mut ledger = Ledger::new(&graph, lookups, selection.scope(&graph)?, true)?;
     ledger.advance();
     if let Some((_, error)) = ledger.troubles.pop() {
         return Err(error.into());
     }
-    let tasks = (0..graph.tasks.len()).map(|task| planned(&graph, &mut ledger, task)).collect();
+    let recipes = std::mem::take(&mut ledger.recipes);
+    let recipe = |(task, recipe): (usize, Option<Box<Recipe>>)| {
+        planned(&ledger, task, recipe.map_or_else(|| ledger.recipe(task), |recipe| *recipe))
+    };
+    let tasks = recipes.into_iter().enumerate().map(recipe).collect();
     Ok(Plan { pipeline: pipeline.name.clone(), tasks })
 }
 
-fn planned(graph: &Graph, ledger: &mut Ledger, task: usize) -> PlannedTask {
+/// Returns the plan of a run that begins.
+pub(crate) fn of_ledger(ledger: &Ledger) -> Plan {
+    let recipe = |task: usize| ledger.recipes[task].as_deref().cloned().unwrap_or_else(|| ledger.recipe(task));
+    let tasks = (0..ledger.graph.tasks.len()).map(|task| planned(ledger, task, recipe(task))).collect();
+    Plan { pipeline: ledger.graph.pipeline.name.clone(), tasks }
+}
+
+fn planned(ledger: &Ledger, task: usize, recipe: Recipe) -> PlannedTask {
+    let graph = ledger.graph;
     let (of, node) = (&graph.tasks[task], graph.node(task));
     let depends = |wanted: &dyn Fn(usize) -> bool| {
         let mut on: Vec<usize> = of.reads.iter().copied().filter(|read| wanted(*read)).collect();
@@ -97,7 +115,6 @@ fn planned(graph: &Graph, ledger: &mut Ledger, task: usize) -> PlannedTask {
         Status::Incomplete => depends(&|read| matches!(ledger.status[read], Status::Todo(_) | Status::Incomplete)),
         _ => depends(&|read| !ledger.is_known(read)),
     };
-    let recipe = ledger.recipes[task].take().map_or_else(|| ledger.recipe(task), |recipe| *recipe);
     PlannedTask {
         name: of.name.clone(),
         role: of.role(),
@@ -106,6 +123,8 @@ fn planned(graph: &Graph, ledger: &mut Ledger, task: usize) -> PlannedTask {
         inputs: of.reads.clone(),
         state,
         key: ledger.keys[task],
+        amount: graph.amount(task),
+        made_s: ledger.made_s[task],
         recipe,
     }
 }
@@ -126,7 +145,7 @@ impl Plan {
         counts
     }
 
-    /// Returns the positions of the tasks that a name means: a task, a node with its parts, or all nodes of a stage.
+    /// Returns the positions of the tasks that a name or a pattern means: a task, a node with its parts, or all nodes of a stage.
     ///
     /// # Errors
     /// If it means none.

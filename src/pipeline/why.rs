@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
 use super::error::PipelineError;
-use super::graph::find_named;
+use super::meaning::{Meaning, find_named};
 use super::plan::{Lookups, Plan, Reason, State};
 use crate::store::{Digest, InputDigest, NodeName, Outcome, Recipe, Role, Run, RunNode};
 
@@ -69,6 +69,7 @@ pub fn of_plan(
                 lines.push(if lines.is_empty() { "nothing changed" } else { "but it is on record" }.to_owned())
             }
             State::OutOfScope => lines.push("not asked for".to_owned()),
+            State::Run(Reason::Forced) => lines.push("made again because it is forced".to_owned()),
             State::Run(Reason::Unmade) => {}
         }
         answers.push((task.role, Why { node: task.name.to_string(), lines }));
@@ -87,6 +88,7 @@ pub fn of_run(
     name: &str,
 ) -> Result<Vec<Why>, PipelineError> {
     let names: Vec<&NodeName> = newer.nodes.iter().map(|node| &node.node).collect();
+    let forced: Vec<Meaning> = newer.force.iter().filter_map(|word| Meaning::among(&names, word).ok()).collect();
     let positions: BTreeMap<&str, &RunNode> = newer.nodes.iter().map(|node| (node.node.as_str(), node)).collect();
     let mut answers = Vec::new();
     for node in find_named(&names, name)?.into_iter().map(|index| &newer.nodes[index]) {
@@ -105,6 +107,9 @@ pub fn of_run(
             (other, _) => other.lines(previous),
         };
         match node.outcome {
+            Outcome::Ran if forced.iter().any(|meaning| meaning.includes(&node.node)) => {
+                lines.push("it was forced".to_owned());
+            }
             Outcome::Ran if lines.is_empty() => lines.push("made again because its object was missing".to_owned()),
             Outcome::Ran => {}
             Outcome::Hit => {

@@ -132,6 +132,10 @@ impl Bars {
             Event::Waiting { node } => {
                 vec![format!("{} for another process, which makes {node}", paint("33", "waiting"))]
             }
+            Event::Checked { node, same: false, before, now } => {
+                let node = one_line(&node.to_string()).into_owned();
+                vec![format!("{} {node}: {before} is on record, {now} came out", paint("1;31", "differs"))]
+            }
             Event::Warning { node, message } => {
                 let place =
                     node.as_ref().map_or_else(String::new, |node| format!("`{}`: ", one_line(&node.to_string())));
@@ -213,7 +217,7 @@ impl Drawn {
                 self.run.finish_and_clear();
                 let _ = self.all.clear();
             }
-            Event::RunStarted { .. } | Event::Warning { .. } => {}
+            Event::RunStarted { .. } | Event::Checked { .. } | Event::Warning { .. } => {}
         }
     }
 }

@@ -79,6 +79,13 @@ impl Episodes {
         Map::from_iter([(first.to_owned(), json!(levels.start)), (count.to_owned(), json!(levels.end - levels.start))])
     }
 
+    /// Returns how many episodes a chunk holds, or how many for each 100 m².
+    #[must_use]
+    pub fn amount(self, chunk: u32) -> u32 {
+        let levels = self.levels(chunk);
+        levels.end - levels.start
+    }
+
     /// Returns the numbers of the episodes of a chunk on a floor of `free_area` square meters.
     #[must_use]
     pub fn span(self, chunk: u32, free_area: f64) -> Range<u32> {

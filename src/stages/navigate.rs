@@ -82,6 +82,11 @@ impl Stage for Navigate {
         super::to_json(self)
     }
 
+    fn amount(&self, _: Part) -> f64 {
+        let nav = self.nav();
+        f64::from(self.episodes) * (nav.warmup_steps(self.crowd.time_step) + nav.steps) as f64
+    }
+
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
         let map = outline(store, inputs.one("map"));
         // The robot is one more.

@@ -68,6 +68,13 @@ impl Stage for Simulate {
         }
     }
 
+    fn amount(&self, part: Part) -> f64 {
+        match part {
+            Part::Chunk(chunk) => f64::from(self.episodes.amount(chunk)) * self.crowd.steps() as f64,
+            _ => 1.0,
+        }
+    }
+
     fn division(&self) -> Division {
         Division::Chunks(self.episodes.chunks())
     }

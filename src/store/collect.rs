@@ -23,11 +23,13 @@ pub struct Collect {
     pub dry_run: bool,
     /// How old what goes must be.
     pub older_than: Duration,
+    /// How many of the newest full runs of each pipeline count, at least one.
+    pub keep_last: usize,
 }
 
 impl Default for Collect {
     fn default() -> Self {
-        Self { dry_run: false, older_than: DAY }
+        Self { dry_run: false, older_than: DAY, keep_last: 0 }
     }
 }
 
@@ -119,7 +121,7 @@ impl Store {
         let mut collected = Collected::default();
         let _closed = self.close_gate(asked.dry_run)?;
         let (pins, dead) = sessions(&self.root)?;
-        let (mut reached, kept_runs) = self.reached()?;
+        let (mut reached, kept_runs) = self.reached(asked.keep_last)?;
         collected.kept_runs = kept_runs;
         reached.objects.extend(&pins.objects);
         self.reach_keys(pins.recipes, &mut reached);
@@ -298,7 +300,7 @@ mod tests {
     use super::*;
 
     /// Whatever its age.
-    const ALL: Collect = Collect { dry_run: false, older_than: Duration::ZERO };
+    const ALL: Collect = Collect { dry_run: false, older_than: Duration::ZERO, keep_last: 0 };
 
     fn epoch(name: &str, artifact: &Artifact, key: Key) -> RunNode {
         RunNode { role: Role::Step, ..node(name, artifact, key) }

@@ -64,6 +64,18 @@ pub enum StoreError {
     /// Several runs begin like that.
     #[error("`{id}` may mean the runs {}", listed(matches))]
     AmbiguousRun { id: String, matches: Vec<String> },
+    /// A name cannot be that of a run.
+    #[error("`{name}` cannot be a tag: a letter, then letters, digits, `.`, `_` or `-`, at most 64, and not `latest`")]
+    TagName { name: String },
+    /// Another run has that name.
+    #[error("the run {run} is tagged `{name}` already")]
+    Tagged { name: String, run: String },
+    /// No run has that name.
+    #[error("no run is tagged `{name}`")]
+    NoTag { name: String },
+    /// A run is not to be removed.
+    #[error("the run {id} {}", if *goes_on { "goes on" } else { "is kept" })]
+    RunStays { id: String, goes_on: bool },
     /// A node, part, pipeline or run has a name that cannot be that of a file.
     #[error("`{name}` cannot be the name of a {what}: it would not be a plain file name")]
     Name { what: &'static str, name: String },
@@ -87,6 +99,10 @@ impl StoreError {
             Self::NotAStore { .. } => "name an empty or a new folder with `--store DIR`".to_owned(),
             Self::Newer { .. } => "use the newer program, or another store with `--store DIR`".to_owned(),
             Self::NewerRecord { .. } => "use the newer program".to_owned(),
+            Self::Tagged { name, .. } => format!("`trodden runs untag {name}` takes the name away"),
+            Self::NoTag { .. } => "`trodden runs` lists the runs with their tags".to_owned(),
+            Self::RunStays { goes_on: true, .. } => "end it first".to_owned(),
+            Self::RunStays { id, .. } => format!("`trodden keep {id} --off` and `trodden runs untag TAG` take the marks away"),
             Self::Full { .. } => {
                 "free some space, for example with `trodden gc` or `trodden gc --older-than 0s`, or put the store on \
                  another disk with `--store DIR`; what is finished is kept, the same command goes on from there"
@@ -109,7 +125,11 @@ impl StoreError {
                 "a store needs a file system with locks, such as a local disk or NFS 4; `--store DIR` names another folder"
                     .to_owned()
             }
-            Self::Io { .. } | Self::Interrupted | Self::Name { .. } | Self::DuplicatePart { .. } => return None,
+            Self::Io { .. }
+            | Self::Interrupted
+            | Self::Name { .. }
+            | Self::TagName { .. }
+            | Self::DuplicatePart { .. } => return None,
         })
     }
 

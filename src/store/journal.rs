@@ -69,6 +69,19 @@ impl Store {
         Ok(self.index()?.iter().map(|run| run.sequence).max().unwrap_or(0) + 1)
     }
 
+    /// Returns how many nodes a run that has not ended has; `None` if it has ended.
+    ///
+    /// # Errors
+    /// If the journal cannot be looked at.
+    pub fn run_size(&self, id: &str) -> Result<Option<usize>, StoreError> {
+        let path = self.journal_path(id);
+        match path.metadata() {
+            Ok(metadata) => Ok(Some(usize::try_from(metadata.len()).unwrap_or(usize::MAX) / PLACE)),
+            Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+            Err(error) => Err(failed(&self.root, "look at", &path)(error)),
+        }
+    }
+
     /// Returns the keys of what a run that has not ended has finished.
     pub(super) fn journal(&self, id: &str) -> Result<Vec<Key>, StoreError> {
         let path = self.journal_path(id);

@@ -6,6 +6,7 @@
 //! recipes/ab/cdef….json what was asked for and what came out, by key
 //! runs/<id>/run.json    one record a run, with its report; runs/index.jsonl lists them
 //! latest/<pipeline>/…   links with plain names into objects/
+//! tags/<name>           the id of a run that has a name of its own
 //! sources.json          digests of files outside, by path, size and times
 //! temp/<session>/       what a living process is writing, and what it would miss if `gc` took it
 //! locks/                a lock a key, and the one that `gc` shares with everybody
@@ -36,9 +37,11 @@ mod artifact;
 mod bounded;
 mod cache;
 mod collect;
+mod compare;
 mod damage;
 mod digest;
 mod error;
+mod evict;
 mod file;
 mod journal;
 mod keep;
@@ -59,6 +62,7 @@ mod seal;
 mod seen;
 mod session;
 mod source;
+mod tags;
 #[cfg(test)]
 mod testing;
 mod verify;
@@ -75,9 +79,11 @@ pub use artifact::{Artifact, FileRef};
 pub use bounded::{open_regular, read_bounded};
 pub use cache::Cache;
 pub use collect::{Collect, Collected, DAY, Freed};
+pub use compare::FileDifference;
 pub use damage::{Damage, Damaged, Missing, Unreadable, VerifyReport};
 pub use digest::{Digest, DigestError, Key};
 pub use error::StoreError;
+pub use evict::{Evict, Evicted};
 pub use file::write_whole;
 pub use journal::Journal;
 pub use key_lock::KeyLock;
@@ -86,7 +92,7 @@ pub use node_name::{NodeName, NodePart, Role, VARIANT};
 pub use object::ObjectWriter;
 pub use prune::{Prune, Pruned};
 pub use recipe::{Difference, InputDigest, Making, Recipe, Record, Remembered};
-pub use run::{Outcome, Run, RunNode, RunStatus, RunVariant};
+pub use run::{Foreseen, Outcome, Run, RunNode, RunStatus, RunVariant};
 pub use run_index::RunSummary;
 pub use scratch::Scratch;
 

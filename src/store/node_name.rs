@@ -158,7 +158,13 @@ impl NodeName {
     /// Tells whether a name given by a user means it: its own, that of its node, or that of its stage.
     #[must_use]
     pub fn is_meant_by(&self, name: &str) -> bool {
-        name == self.as_str() || name == self.node() || name == self.stage() || name == &self.text[..self.stage]
+        self.is_meant_where(|text| name == text)
+    }
+
+    /// Tells whether something holds of it, of its node, of its stage, or of that with what tells variants apart.
+    #[must_use]
+    pub fn is_meant_where(&self, holds: impl Fn(&str) -> bool) -> bool {
+        holds(self.as_str()) || holds(self.node()) || holds(self.stage()) || holds(&self.text[..self.stage])
     }
 }
 

@@ -80,6 +80,8 @@ pub struct Making {
     pub started: String,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// How much work it was, in the stage's own unit.
+    pub amount: Option<f64>,
     /// The most memory that its commands held, in bytes, where it ran any.
     pub memory: Option<u64>,
     /// The files outside of the store that it read, by role, as they were named.

@@ -22,13 +22,14 @@ pub(super) struct Reached {
     pub(super) recipes: BTreeSet<Key>,
 }
 
-/// Picks the runs that count from all, which come newest first.
-pub(super) fn roots(runs: &[RunSummary]) -> Vec<&RunSummary> {
+/// Picks the runs that count from all, which come newest first; so many of the newest full ones of each pipeline, at least one.
+pub(super) fn roots(runs: &[RunSummary], keep_last: usize) -> Vec<&RunSummary> {
     let (mut newest, mut full): (Vec<&RunSummary>, Vec<&RunSummary>) = (Vec::new(), Vec::new());
     let mut roots = Vec::new();
     for run in runs {
-        let first = |of: &mut Vec<&RunSummary>| !of.iter().any(|newer| run.is_same_pipeline(newer));
-        let (is_newest, is_full) = (first(&mut newest), run.is_full() && first(&mut full));
+        let first = |of: &[&RunSummary]| !of.iter().any(|newer| run.is_same_pipeline(newer));
+        let fulls = full.iter().filter(|newer| run.is_same_pipeline(newer)).count();
+        let (is_newest, is_full) = (first(&newest), run.is_full() && fulls < keep_last.max(1));
         if is_newest {
             newest.push(run);
         }
@@ -87,13 +88,13 @@ impl Store {
     ///
     /// # Errors
     /// If a record cannot be read: it may reach anything.
-    pub(super) fn reached(&self) -> Result<(Reached, Vec<String>), StoreError> {
+    pub(super) fn reached(&self, keep_last: usize) -> Result<(Reached, Vec<String>), StoreError> {
         let survey = self.survey()?;
         if let Some(error) = survey.unread.into_iter().next() {
             return Err(error);
         }
         let (mut reached, mut ids) = (Reached::default(), Vec::new());
-        for summary in roots(&survey.runs) {
+        for summary in roots(&survey.runs, keep_last) {
             let Some(run) = self.read_run(&summary.id)? else { continue };
             reached.add_run(&run);
             // Its record is written now and then only.
@@ -160,7 +161,7 @@ mod tests {
     fn check(newest_first: &[&str], expected: &[usize]) {
         let runs: Vec<RunSummary> =
             newest_first.iter().enumerate().map(|(number, text)| summary(number, text)).collect();
-        let found: Vec<usize> = roots(&runs).iter().map(|run| run.id.parse().expect("a number")).collect();
+        let found: Vec<usize> = roots(&runs, 0).iter().map(|run| run.id.parse().expect("a number")).collect();
         assert_eq!(found, expected, "{newest_first:?}");
     }
 
@@ -172,6 +173,17 @@ mod tests {
             check(&["a finished", &format!("a {status}"), "a finished"], &[0]);
             check(&[&format!("a {status}"), &format!("a {status}")], &[0]);
         }
+    }
+
+    #[test]
+    fn more_full_runs_of_each_pipeline_count_if_that_is_asked_for() {
+        let texts =
+            ["a failed", "a finished", "b finished", "a finished", "a finished only", "a finished", "b finished"];
+        let runs: Vec<RunSummary> = texts.iter().enumerate().map(|(number, text)| summary(number, text)).collect();
+        let found = |keep_last| roots(&runs, keep_last).iter().map(|run| run.id.as_str()).collect::<Vec<_>>();
+        assert_eq!(found(1), ["0", "1", "2"]);
+        assert_eq!(found(2), ["0", "1", "2", "3", "6"]);
+        assert_eq!(found(9), ["0", "1", "2", "3", "5", "6"]);
     }
 
     #[test]

@@ -40,18 +40,30 @@ pub struct Run {
     /// What was asked for; everything if it is empty.
     #[serde(default)]
     pub only: Vec<String>,
+    /// What lies behind these was not asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub until: Vec<String>,
+    /// Neither these nor what reads them was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<String>,
+    /// What was to be made again although it was on record.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub force: Vec<String>,
     /// Text of the pipeline below the settings, for the report.
     pub source: String,
     /// When it began, RFC 3339 in UTC.
     pub started: String,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// What was foreseen when it began to work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foreseen: Option<Foreseen>,
     /// How it ended.
     pub status: RunStatus,
     /// The session in `temp/` that writes the record, as long as it runs.
     #[serde(default)]
     pub session: Option<String>,
-    /// Whether `gc` keeps what it reaches; a mark of its own, see [`Store::mark_keep`].
+    /// Whether `gc` keeps what it reaches; a mark of its own, see [`Store::mark_keep`], or a tag.
     #[serde(skip)]
     pub keep: bool,
     /// All nodes, chunks and steps in the order of the plan; while it runs, those that are done with.
@@ -72,6 +84,20 @@ pub struct RunVariant {
     pub settings: Vec<(String, String)>,
     /// Names of its nodes that none of its others read; the rest is what these read, at first or second hand.
     pub ends: Vec<String>,
+}
+
+/// What was foreseen of a run.
+#[derive(Debug, Clone, PartialEq, Default, Serialize, Deserialize)]
+#[serde(default)]
+pub struct Foreseen {
+    /// Seconds from beginning to end.
+    pub wall_s: f64,
+    /// Seconds of all nodes together.
+    pub work_s: f64,
+    /// What is written, in bytes.
+    pub bytes: u64,
+    /// How many nodes there were of which nothing was known.
+    pub unknown: usize,
 }
 
 /// Where a run stands.
@@ -133,6 +159,9 @@ pub struct RunNode {
     pub artifact: Option<Artifact>,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// How much work it was, in the stage's own unit.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub amount: Option<f64>,
     /// Names of the nodes it reads.
     pub inputs: Vec<String>,
     /// Why it failed.
@@ -148,13 +177,31 @@ struct Stored<'a> {
 }
 
 impl Run {
+    /// Tells whether the whole pipeline was asked for.
+    #[must_use]
+    pub fn is_whole(&self) -> bool {
+        self.only.is_empty() && self.until.is_empty() && self.exclude.is_empty()
+    }
+
+    /// Returns what was asked for, in words of the command line: option and value.
+    pub fn asked(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let Self { sets, only, until, exclude, force, .. } = self;
+        asked([sets, only, until, exclude, force])
+    }
+
     /// Tells whether it brought about everything that the pipeline asks for.
     #[must_use]
     pub fn is_full(&self) -> bool {
         // Records of the first format do not say what was asked for.
         let skipped = || self.nodes.iter().any(|node| node.outcome == Outcome::Skipped);
-        self.status == RunStatus::Finished && self.only.is_empty() && !skipped()
+        self.status == RunStatus::Finished && self.is_whole() && !skipped()
     }
+}
+
+/// Pairs settings, and what was asked for, with the options of the command line.
+pub(super) fn asked(values: [&Vec<String>; 5]) -> impl Iterator<Item = (&'static str, &str)> {
+    let options = ["--set", "--only", "--until", "--exclude", "--force"].into_iter().zip(values);
+    options.flat_map(|(option, values)| values.iter().map(move |value| (option, value.as_str())))
 }
 
 impl Store {
@@ -193,7 +240,7 @@ impl Store {
         self.write_record(&path, &seal::seal(text))
     }
 
-    /// Reads the record of a run by its id, the beginning of it, or `latest`: the newest that has ended.
+    /// Reads the record of a run by its id, the beginning of it, a tag, or `latest`: the newest that has ended.
     ///
     /// # Errors
     /// If there is none, if several begin like that, or if the record is damaged or of a newer version.
@@ -204,6 +251,9 @@ impl Store {
             return Ok(run);
         }
         let none = || StoreError::NoRun { id: id.to_owned() };
+        if let Some(run) = self.tagged(id).map(|tagged| self.read_run(&tagged)).transpose()?.flatten() {
+            return Ok(run);
+        }
         let runs = self.runs()?;
         let mut matches: Vec<String> = match id {
             "" => return Err(none()),
@@ -301,7 +351,8 @@ impl Store {
         let with_report = older.filter(|older| older.is_of(&run.path)).map(|older| self.run_dir(&older.id));
         let report = with_report.map(|folder| folder.join("report.html")).find(|report| report.is_file())?;
         let older = self.read_run(report.parent()?.file_name()?.to_str()?).ok()??;
-        let same = (&older.source, &older.only, older.status) == (&run.source, &run.only, run.status)
+        let same = (&older.source, older.status) == (&run.source, run.status)
+            && older.asked().eq(run.asked())
             && older.warnings == run.warnings
             && older.nodes.len() == run.nodes.len()
             && older.nodes.iter().zip(&run.nodes).all(|(older, newer)| {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::bounded::read_bounded;
 use super::digest::Digest;
 use super::file::list;
-use super::run::{Outcome, Run, RunStatus};
+use super::run::{Foreseen, Outcome, Run, RunStatus, asked};
 use super::{Store, StoreError};
 
 /// The most bytes that the list may have.
@@ -36,10 +36,22 @@ pub struct RunSummary {
     pub sets: Vec<String>,
     /// What was asked for; everything if it is empty.
     pub only: Vec<String>,
+    /// What lies behind these was not asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub until: Vec<String>,
+    /// Neither these nor what reads them was asked for.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub exclude: Vec<String>,
+    /// What was to be made again although it was on record.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub force: Vec<String>,
     /// When it began, RFC 3339 in UTC.
     pub started: String,
     /// How long it took in seconds.
     pub wall_s: f64,
+    /// What was foreseen when it began to work.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub foreseen: Option<Foreseen>,
     /// How it ended.
     pub status: RunStatus,
     /// The session of its process, as long as it runs.
@@ -48,6 +60,9 @@ pub struct RunSummary {
     /// Whether `gc` keeps what it reaches.
     #[serde(default)]
     pub keep: bool,
+    /// The names that it was given.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub tags: Vec<String>,
     /// How many nodes, chunks and epochs there were of each outcome.
     pub ran: u64,
     /// Nodes that were in the store.
@@ -69,11 +84,16 @@ impl RunSummary {
             path: run.path.clone(),
             sets: run.sets.clone(),
             only: run.only.clone(),
+            until: run.until.clone(),
+            exclude: run.exclude.clone(),
+            force: run.force.clone(),
             started: run.started.clone(),
             wall_s: run.wall_s,
+            foreseen: run.foreseen.clone(),
             status: run.status,
             session: run.session.clone(),
             keep: run.keep,
+            tags: Vec::new(),
             ran: count(Outcome::Ran),
             hit: count(Outcome::Hit),
             failed: count(Outcome::Failed),
@@ -81,11 +101,18 @@ impl RunSummary {
         }
     }
 
+    /// Returns what was asked for, in words of the command line: option and value.
+    pub fn asked(&self) -> impl Iterator<Item = (&'static str, &str)> {
+        let Self { sets, only, until, exclude, force, .. } = self;
+        asked([sets, only, until, exclude, force])
+    }
+
     /// Tells whether it brought about everything that the pipeline asks for.
     #[must_use]
     pub fn is_full(&self) -> bool {
         // Records of the first format do not say what was asked for.
-        self.status == RunStatus::Finished && self.only.is_empty() && self.skipped == 0
+        let whole = self.only.is_empty() && self.until.is_empty() && self.exclude.is_empty();
+        self.status == RunStatus::Finished && whole && self.skipped == 0
     }
 
     /// Tells whether it is a run of the same pipeline as a newer one: of the same name and the same file.
@@ -196,8 +223,10 @@ impl Store {
         let list = written(&lines);
         let list = (text.as_ref() != Some(&list) && !(lines.is_empty() && text.is_none())).then_some(list);
         let mut runs: Vec<RunSummary> = lines.into_iter().map(|line| line.run).collect();
+        let mut tags = self.tags();
         for run in &mut runs {
-            run.keep = self.is_kept(&run.id);
+            run.tags = tags.remove(&run.id).unwrap_or_default();
+            run.keep = self.is_kept(&run.id) || !run.tags.is_empty();
             run.status = self.status_now(run.status, run.session.as_deref());
         }
         Ok(Survey { runs, unread, list })
@@ -220,7 +249,7 @@ fn order(run: &RunSummary) -> (u64, &str, &str) {
 fn written(lines: &[Line]) -> Vec<u8> {
     let mut text = Vec::new();
     for line in lines.iter().rev() {
-        let line = Line { run: RunSummary { keep: false, ..line.run.clone() }, ..line.clone() };
+        let line = Line { run: RunSummary { keep: false, tags: Vec::new(), ..line.run.clone() }, ..line.clone() };
         serde_json::to_writer(&mut text, &line).expect("a summary is JSON");
         text.push(b'\n');
     }

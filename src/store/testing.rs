@@ -43,6 +43,7 @@ pub(super) fn node(name: &str, artifact: &Artifact, key: Key) -> RunNode {
         key: Some(key),
         artifact: Some(artifact.clone()),
         wall_s: 0.25,
+        amount: None,
         inputs: vec!["visits".to_owned()],
         error: None,
     }

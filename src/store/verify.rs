@@ -172,7 +172,7 @@ impl Store {
     /// Lists what the runs that count yielded and is not there, without what was just set aside.
     fn missing(&self, damaged: &[Digest]) -> Result<Vec<Missing>, StoreError> {
         let mut missing = BTreeMap::new();
-        for summary in roots(&self.index()?) {
+        for summary in roots(&self.index()?, 0) {
             // What cannot be read was found above.
             if let Ok(Some(run)) = self.read_run(&summary.id) {
                 self.note_missing(&run, damaged, &mut missing);

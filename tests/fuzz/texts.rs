@@ -7,6 +7,7 @@ use std::path::Path;
 use serde_json::{Value, json};
 use trodden::domain::map::{ImportConfig, MapYaml, PlanForm, Unit, import_plan, import_ros};
 use trodden::pipeline::plan::{Lookups, plan};
+use trodden::pipeline::selection::Selection;
 use trodden::pipeline::spec::{Request, parse};
 use trodden::stages::register;
 use trodden::store::{Artifact, Digest, Key, Record, Store, StoreError};
@@ -200,7 +201,7 @@ fn pipeline() -> Target {
         let request = Request::new(&file, &[], &variables, &register);
         match parse(&String::from_utf8_lossy(input), &request) {
             Ok(pipeline) => {
-                drop(plan(&pipeline, &Nothing, &[]));
+                drop(plan(&pipeline, &Nothing, &Selection::default()));
                 true
             }
             Err(error) => {

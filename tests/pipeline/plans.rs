@@ -5,6 +5,7 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use trodden::pipeline::plan::{Lookups, Plan, Reason, State, plan};
+use trodden::pipeline::selection::Selection;
 use trodden::store::{Artifact, Digest, Key, Outcome, Record, StoreError};
 
 use super::runs::remove;
@@ -28,8 +29,11 @@ impl Lookups for Nothing {
 }
 
 fn of(place: &Place, sets: &[&str], only: &[&str]) -> Plan {
-    let only: Vec<String> = only.iter().map(|name| (*name).to_owned()).collect();
-    plan(&pipeline(HOMES, sets), &place.store, &only).unwrap_or_else(|error| panic!("{}", error.render(false)))
+    of_selection(place, sets, &Selection::only(only.iter().copied()))
+}
+
+fn of_selection(place: &Place, sets: &[&str], selection: &Selection) -> Plan {
+    plan(&pipeline(HOMES, sets), &place.store, selection).unwrap_or_else(|error| panic!("{}", error.render(false)))
 }
 
 /// Shows the tasks that are no hits.
@@ -39,6 +43,7 @@ fn shown(plan: &Plan) -> String {
         .iter()
         .filter_map(|task| match &task.state {
             State::Run(Reason::Unmade) => Some(format!("{}: runs\n", task.name)),
+            State::Run(Reason::Forced) => Some(format!("{}: forced\n", task.name)),
             State::Run(Reason::Missing) => Some(format!("{}: missing\n", task.name)),
             State::Run(Reason::Needed { by }) => Some(format!("{}: needed by {}\n", task.name, name(by))),
             State::Depends(on) => {
@@ -96,7 +101,7 @@ fn an_unknown_name_is_told_with_what_was_meant() {
     let place = Place::new();
     let told = |name: &str| {
         let homes = pipeline(HOMES, &[]);
-        plan(&homes, &place.store, &[name.to_owned()]).err().map(|error| error.render(false)).unwrap_or_default()
+        plan(&homes, &place.store, &Selection::only([name])).err().map(|error| error.render(false)).unwrap_or_default()
     };
     insta::assert_snapshot!(told("labels/hone_00"), @r"
     error: unknown node `labels/hone_00`
@@ -157,7 +162,7 @@ proptest! {
             format!("model.epochs={epochs}"),
         ];
         let sets: Vec<&str> = sets.iter().map(String::as_str).collect();
-        let plan = plan(&pipeline(&format!("{head}stages:\n{stages}"), &sets), &Nothing, &[]).expect("it plans");
+        let plan = plan(&pipeline(&format!("{head}stages:\n{stages}"), &sets), &Nothing, &Selection::default()).expect("it plans");
         let (maps, chunks) = ((train + test) as usize, episodes.div_ceil(4) as usize);
         prop_assert_eq!(plan.tasks.len(), maps * (3 + 1 + 2 * chunks) + 1 + epochs as usize + 1 + 2 * test as usize);
         for (position, task) in plan.tasks.iter().enumerate() {

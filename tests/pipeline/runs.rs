@@ -5,6 +5,7 @@ use std::os::unix::fs::PermissionsExt;
 
 use trodden::pipeline::event::{Event, RunState};
 use trodden::pipeline::plan::plan;
+use trodden::pipeline::selection::Selection;
 use trodden::pipeline::spec;
 use trodden::store::{Digest, Outcome, Role, RunStatus};
 
@@ -191,7 +192,8 @@ fn a_source_file_with_another_comment_stops_at_the_map() {
     let expected = "failed to find the source files of `maps/flat`: failed to read ";
     let error = spec::check_sources(&read()).expect_err("a file is missing");
     assert!(error.to_string().starts_with(expected), "{error}");
-    let error = plan(&read(), &place.store, &[]).expect_err("a missing file is found before anything runs");
+    let error =
+        plan(&read(), &place.store, &Selection::default()).expect_err("a missing file is found before anything runs");
     assert!(error.to_string().starts_with(expected), "{error}");
 }
 
@@ -199,7 +201,7 @@ fn a_source_file_with_another_comment_stops_at_the_map() {
 fn only_what_was_asked_for_runs() {
     let place = Place::new();
     let homes = pipeline(HOMES, &[]);
-    let only = |name: &str| place.run_with(&homes, |options| options.only = vec![name.to_owned()]);
+    let only = |name: &str| place.run_with(&homes, |options| options.selection = Selection::only([name]));
     assert_eq!(only("walks/home_02/chunk-01").ran(), ["maps/home_02", "walks/home_02/chunk-01"]);
     let labels = only("labels");
     // Counts read the chunks of walks, so nothing asks for the walks as a whole.

@@ -7,6 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use trodden::pipeline::event::Event;
 use trodden::pipeline::execute::{Options, execute};
+use trodden::pipeline::selection::Selection;
 use trodden::store::{Outcome, RunStatus};
 
 use proptest::prelude::*;
@@ -62,7 +63,8 @@ fn keep_going_runs_the_rest_but_feeds_nobody_half_a_group() {
 fn an_interrupted_run_stops_soon_and_the_next_goes_on() {
     let place = Place::new();
     let cancelled = AtomicBool::new(false);
-    let options = Options { jobs: 2, memory: 1 << 30, keep_going: false, only: Vec::new(), cancelled: &cancelled };
+    let options =
+        Options { jobs: 2, memory: 1 << 30, keep_going: false, selection: Selection::default(), cancelled: &cancelled };
     let mut sink = |event: &Event| {
         if matches!(event, Event::NodeStarted { node, .. } if node == "model/epoch-02") {
             cancelled.store(true, Ordering::Relaxed);
@@ -146,7 +148,13 @@ fn a_source_file_that_changes_meanwhile_is_an_error() {
     let file = place.folder.path().join("flat.yaml");
     let text = "maps: { all: { files: flat.pgm } }\nstages:\n  walks: { use: walk, map: $maps }\n";
     let flat = read_in(&file, text, &[]).unwrap_or_else(|error| panic!("{error}"));
-    let options = Options { jobs: 1, memory: 1 << 30, keep_going: false, only: Vec::new(), cancelled: &super::NEVER };
+    let options = Options {
+        jobs: 1,
+        memory: 1 << 30,
+        keep_going: false,
+        selection: Selection::default(),
+        cancelled: &super::NEVER,
+    };
     let mut sink = |event: &Event| {
         if matches!(event, Event::RunStarted { .. }) {
             fs::write(&image, "P2 1 2").expect("the file is there");
@@ -197,7 +205,7 @@ fn run_without(gone: &[&str], sets: &[&str], only: &[&str]) -> (Place, Seen) {
     }
     let seen = place.run_with(&pipeline(HOMES, sets), |options| {
         options.jobs = 4;
-        options.only = only.iter().map(|name| (*name).to_owned()).collect();
+        options.selection = Selection::only(only.iter().copied());
     });
     assert_eq!(seen.report.failures, [], "without {gone:?}, {sets:?}, only {only:?}");
     assert_eq!(seen.report.run.status, RunStatus::Finished);
@@ -243,11 +251,11 @@ proptest! {
         let sets: Vec<String> = changed.iter().map(|stage| format!("{stage}.word=x")).collect();
         let waits: Vec<String> = waits.iter().map(|stage| format!("{stage}.wait=1")).collect();
         let sets: Vec<&str> = sets.iter().chain(&waits).map(String::as_str).collect();
-        let only: Vec<String> = asked.iter().map(|stage| (*stage).to_owned()).collect();
-        let seen = place.run_with(&pipeline(HOMES, &sets), |options| (options.jobs, options.only) = (4, only.clone()));
+        let only = Selection::only(asked.iter().copied());
+        let seen = place.run_with(&pipeline(HOMES, &sets), |options| (options.jobs, options.selection) = (4, only.clone()));
         prop_assert_eq!(&seen.report.failures, &[]);
         prop_assert_eq!(seen.report.run.status, RunStatus::Finished);
-        let fresh = Place::new().run_with(&pipeline(HOMES, &sets), |options| options.only = only);
+        let fresh = Place::new().run_with(&pipeline(HOMES, &sets), |options| options.selection = only);
         let digests = seen.digests();
         for node in &fresh.report.run.nodes {
             if let Some(artifact) = &node.artifact {

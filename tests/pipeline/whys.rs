@@ -1,6 +1,7 @@
 //! Why nodes run.
 
 use trodden::pipeline::plan::plan;
+use trodden::pipeline::selection::Selection;
 use trodden::pipeline::why;
 use trodden::store::Run;
 
@@ -16,7 +17,8 @@ fn hide_ids() -> insta::internals::SettingsBindDropGuard {
 
 /// Explains a plan with settings against a run.
 fn of_plan(place: &Place, sets: &[&str], previous: Option<&Run>, name: &str) -> String {
-    let plan = plan(&pipeline(HOMES, sets), &place.store, &[]).unwrap_or_else(|error| panic!("{error}"));
+    let plan =
+        plan(&pipeline(HOMES, sets), &place.store, &Selection::default()).unwrap_or_else(|error| panic!("{error}"));
     lines(why::of_plan(&plan, previous, &place.store, name))
 }
 

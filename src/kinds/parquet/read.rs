@@ -283,7 +283,7 @@ fn alike(expected: &DataType, found: &DataType) -> bool {
 
 type AnyError = Box<dyn std::error::Error + Send + Sync>;
 
-fn open(bytes: Bytes) -> Result<(Bytes, ArrowReaderMetadata), AnyError> {
+pub(super) fn open(bytes: Bytes) -> Result<(Bytes, ArrowReaderMetadata), AnyError> {
     let has_footer = bytes.len() > 8 && bytes.ends_with(b"PAR1");
     if has_footer && !footer::has_sound_schema(&bytes) {
         return Err("its schema does not hold together".into());

@@ -5,7 +5,10 @@
 //! process makes is put aside and looked up again.
 
 mod clock;
+mod damages;
+mod foresight;
 mod options;
+mod recheck;
 mod record;
 mod recorder;
 mod run_report;
@@ -21,7 +24,8 @@ use crate::store::Store;
 
 pub use clock::timestamp;
 pub use options::Options;
-pub use run_report::{Failure, RunReport};
+pub use recheck::{RecheckReport, Sample, recheck};
+pub use run_report::{Failure, Rechecked, RunReport};
 
 /// Runs a pipeline, or only what some nodes need; every event goes to the sink, in order, on the caller's thread.
 ///
@@ -38,7 +42,7 @@ pub fn execute(
 ) -> Result<RunReport, PipelineError> {
     let begun = clock::Begun::now();
     let graph = Graph::new(pipeline)?;
-    let ledger = Ledger::new(&graph, store, &options.only, false)?;
+    let ledger = Ledger::new(&graph, store, options.selection.scope(&graph)?, false)?;
     let recorder = recorder::Recorder::new(store, pipeline, options, begun);
     let mut scheduler = scheduler::Scheduler::new(store, options, ledger, recorder, sink);
     scheduler.begin();

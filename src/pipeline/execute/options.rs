@@ -2,6 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use crate::pipeline::selection::Selection;
+
 /// How to run.
 #[derive(Debug, Clone)]
 pub struct Options<'a> {
@@ -11,8 +13,8 @@ pub struct Options<'a> {
     pub memory: u64,
     /// Whether to go on with what does not need a node that failed.
     pub keep_going: bool,
-    /// Nodes, stages or parts; only these and what they need are run. Everything if there are none.
-    pub only: Vec<String>,
+    /// What is run.
+    pub selection: Selection,
     /// Set from outside to stop at the next safe point.
     pub cancelled: &'a AtomicBool,
 }

@@ -23,6 +23,16 @@ impl Scheduler<'_> {
         }
     }
 
+    /// Returns how a run that is over has ended.
+    pub(super) fn status(&self) -> RunStatus {
+        let all_ended = self.counts.skipped == 0;
+        match (self.is_cancelled() && !all_ended, self.failures.is_empty()) {
+            (true, _) => RunStatus::Interrupted,
+            (false, true) => RunStatus::Finished,
+            (false, false) => RunStatus::Failed,
+        }
+    }
+
     /// Returns what is to be recorded of a task.
     fn node(&self, task: usize) -> RunNode {
         let (graph, of) = (self.ledger.graph, &self.ledger.graph.tasks[task]);
@@ -40,6 +50,7 @@ impl Scheduler<'_> {
             key: self.ledger.keys[task],
             artifact: self.ledger.artifacts[task].clone(),
             wall_s,
+            amount: (outcome == Outcome::Ran).then(|| graph.amount(task)),
             inputs: of.reads.iter().map(|read| graph.tasks[*read].name.to_string()).collect(),
             error,
         }
@@ -56,12 +67,7 @@ pub(super) fn close(mut scheduler: Scheduler) -> Result<RunReport, PipelineError
     for error in store.link_latest(&pipeline.name, &entries).unwrap_or_else(|error| vec![error]) {
         scheduler.warn(None, format!("failed to link the newest artifacts: {error}"));
     }
-    let all_ended = scheduler.counts.skipped == 0;
-    let status = match (scheduler.is_cancelled() && !all_ended, scheduler.failures.is_empty()) {
-        (true, _) => RunStatus::Interrupted,
-        (false, true) => RunStatus::Finished,
-        (false, false) => RunStatus::Failed,
-    };
+    let status = scheduler.status();
     let nodes = (0..scheduler.ends.len()).map(|task| scheduler.node(task)).collect();
     if !scheduler.recorder.has_begun() {
         scheduler.recorder.run.sequence = store.next_sequence()?;

@@ -8,7 +8,7 @@ use crate::pipeline::spec::{Pipeline, Variant};
 use crate::store::{Journal, Key, Run, RunNode, RunStatus, RunVariant, Store, StoreError};
 
 /// How often the record of a run that goes on is written, at most.
-const EVERY: Duration = Duration::from_secs(5);
+const EVERY: Duration = Duration::from_secs(2);
 /// How much longer than writing it took is waited until it is written again: large records cost little, too.
 const SHARE: u32 = 50;
 
@@ -27,6 +27,8 @@ pub(super) struct Recorder<'a> {
     /// Since the first node started; a run that starts none is over at once.
     journal: Option<Journal>,
     due: Instant,
+    /// Whether nothing is put on record.
+    silent: bool,
 }
 
 impl<'a> Recorder<'a> {
@@ -37,14 +39,22 @@ impl<'a> Recorder<'a> {
             file: pipeline.file.display().to_string(),
             path: store.path_from_here(&pipeline.file),
             sets: pipeline.sets.clone(),
-            only: options.only.clone(),
+            only: options.selection.only.clone(),
+            until: options.selection.until.clone(),
+            exclude: options.selection.exclude.clone(),
+            force: options.selection.force.clone(),
             source: pipeline.source.clone(),
             variants: pipeline.variants.iter().map(|variant| recorded(variant, pipeline)).collect(),
             started: begun.started,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             ..Run::default()
         };
-        Self { store, run, began: begun.instant, journal: None, due: begun.instant }
+        Self { store, run, began: begun.instant, journal: None, due: begun.instant, silent: false }
+    }
+
+    /// Makes one that puts nothing on record.
+    pub(super) fn silent(store: &'a Store, pipeline: &Pipeline, options: &Options, begun: Begun) -> Self {
+        Self { silent: true, ..Self::new(store, pipeline, options, begun) }
     }
 
     pub(super) fn id(&self) -> &str {
@@ -53,6 +63,9 @@ impl<'a> Recorder<'a> {
 
     /// Warns if another file has a pipeline of the same name in this store: both have the same plain names.
     pub(super) fn name_clash(&self) -> Option<String> {
+        if self.silent {
+            return None;
+        }
         let runs = self.store.runs().ok()?;
         let of_name = runs.iter().filter(|run| run.pipeline == self.run.pipeline && !run.is_of(&self.run.path));
         let place = |path: &str| std::fs::canonicalize(self.store.root().join(path)).ok();

@@ -1,7 +1,7 @@
 //! What a run reports to its caller, beside its record.
 
 use crate::pipeline::event::Counts;
-use crate::store::Run;
+use crate::store::{Artifact, NodeName, Run};
 
 /// What came of a run.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,4 +27,15 @@ pub struct Failure {
     pub help: Option<String>,
     /// Whether it failed because the store is damaged.
     pub damaged: bool,
+}
+
+/// A node that was made again beside what is on record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Rechecked {
+    /// Name of the node, chunk or step.
+    pub node: NodeName,
+    /// What is on record.
+    pub before: Artifact,
+    /// What came out now, if that is something else.
+    pub now: Option<Artifact>,
 }

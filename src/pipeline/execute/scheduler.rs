@@ -6,15 +6,16 @@ use std::sync::mpsc::{Receiver, Sender, channel};
 use std::thread::{Builder, Scope};
 use std::time::{Duration, Instant};
 
+use super::damages::damage_text;
 use super::recorder::Recorder;
 use super::worker::{Assignment, Made, Message, Trouble, inputs};
-use super::{Failure, Options};
+use super::{Failure, Options, Rechecked};
 use crate::pipeline::error::PipelineError;
 use crate::pipeline::event::{Counts, Event};
 use crate::pipeline::graph::Work;
-use crate::pipeline::ledger::{Ledger, Status};
+use crate::pipeline::ledger::{Ledger, Reason, Status};
 use crate::pipeline::stage::Needs;
-use crate::store::{Damage, Damaged, Outcome, Store, StoreError};
+use crate::store::{Outcome, Store, StoreError};
 
 /// How often a request to stop is looked for.
 const LISTEN: Duration = Duration::from_millis(50);
@@ -54,6 +55,8 @@ pub(super) struct Scheduler<'a> {
     pub counts: Counts,
     pub failures: Vec<Failure>,
     pub warnings: Vec<String>,
+    /// What came of tasks that are made again beside what is on record, if that is what the run is for.
+    pub checked: Option<BTreeMap<usize, Rechecked>>,
     /// Whether nothing new is started any more.
     stopping: bool,
 }
@@ -83,12 +86,22 @@ impl<'a> Scheduler<'a> {
             counts: Counts::default(),
             failures: Vec::new(),
             warnings: Vec::new(),
+            checked: None,
             stopping: false,
         }
     }
 
+    /// Lets what is forced be made beside what is on record, and be compared with it.
+    pub(super) fn beside(self) -> Self {
+        Self { checked: Some(BTreeMap::new()), ..self }
+    }
+
     pub(super) fn store(&self) -> &'a Store {
         self.store
+    }
+
+    pub(super) fn jobs(&self) -> usize {
+        self.options.jobs
     }
 
     pub(super) fn is_cancelled(&self) -> bool {
@@ -130,6 +143,9 @@ impl<'a> Scheduler<'a> {
                 self.update_record();
             }
         })?;
+        while let Ok(message) = receiver.try_recv() {
+            self.hear(message);
+        }
         self.settle();
         self.sweep();
         Ok(())
@@ -170,7 +186,10 @@ impl<'a> Scheduler<'a> {
             self.ready.remove(&task);
             match self.prepare(task) {
                 Ok(Some(assignment)) => {
-                    self.begin_record()?;
+                    if !self.recorder.has_begun() && self.checked.is_none() {
+                        self.begin_record()?;
+                        self.foresee(scope, sender);
+                    }
                     self.needs.remove(&task);
                     self.running.insert(task, needs);
                     self.ledger.status[task] = Status::Running;
@@ -221,7 +240,9 @@ impl<'a> Scheduler<'a> {
     fn prepare(&mut self, task: usize) -> Result<Option<Assignment<'a>>, StoreError> {
         let key = self.ledger.keys[task].expect("a ready task was settled");
         let Some(lock) = self.store.try_lock(&key)? else { return Ok(None) };
-        if let Some(record) = self.store.recall(&key)?
+        let forced = self.ledger.status[task] == Status::Todo(Reason::Forced);
+        if !forced
+            && let Some(record) = self.store.recall(&key)?
             && self.ledger.closes(task, &record.artifact)
             && self.store.complete(&record.artifact)
         {
@@ -229,7 +250,9 @@ impl<'a> Scheduler<'a> {
             self.end(task, Outcome::Hit, 0.0, None, None);
             return Ok(None);
         }
-        Ok(Some(Assignment::new(&mut self.ledger, task, lock, self.store, self.options.cancelled)))
+        let mut assignment = Assignment::new(&mut self.ledger, task, lock, self.store, self.options.cancelled);
+        assignment.beside = self.ledger.artifacts[task].clone().filter(|_| forced && self.checked.is_some());
+        Ok(Some(assignment))
     }
 
     fn put_aside(&mut self, task: usize) {
@@ -256,22 +279,28 @@ impl<'a> Scheduler<'a> {
         let wait = if self.aside.is_empty() { LISTEN } else { LISTEN.min(due.max(Duration::from_millis(1))) };
         let mut message = receiver.recv_timeout(wait).ok();
         while let Some(received) = message {
-            match received {
-                Message::Progress { task, done, total } => {
-                    let node = self.ledger.graph.tasks[task].name.to_string();
-                    (self.sink)(&Event::Progress { node, done, total });
-                }
-                Message::Odd { task, message } => self.warn(Some(task), message),
-                Message::Ended { task, wall_s, result } => {
-                    self.running.remove(&task);
-                    self.try_again.1 = SOON;
-                    match result {
-                        Ok(made) => self.finish(task, wall_s, made),
-                        Err(trouble) => self.fail(task, wall_s, trouble),
-                    }
+            self.hear(received);
+            message = receiver.try_recv().ok();
+        }
+    }
+
+    /// Takes note of what a thread sends.
+    fn hear(&mut self, message: Message) {
+        match message {
+            Message::Progress { task, done, total } => {
+                let node = self.ledger.graph.tasks[task].name.to_string();
+                (self.sink)(&Event::Progress { node, done, total });
+            }
+            Message::Odd { task, message } => self.warn(Some(task), message),
+            Message::Foreseen(foreseen) => self.recorder.run.foreseen = Some(foreseen),
+            Message::Ended { task, wall_s, result } => {
+                self.running.remove(&task);
+                self.try_again.1 = SOON;
+                match result {
+                    Ok(made) => self.finish(task, wall_s, made),
+                    Err(trouble) => self.fail(task, wall_s, trouble),
                 }
             }
-            message = receiver.try_recv().ok();
         }
     }
 
@@ -282,6 +311,16 @@ impl<'a> Scheduler<'a> {
                 before.digest, made.artifact.digest
             );
             self.warn(Some(task), message);
+        }
+        if let (Some(checked), Some(now)) = (&mut self.checked, made.beside) {
+            let (node, before) = (self.ledger.graph.tasks[task].name.clone(), made.artifact.clone());
+            (self.sink)(&Event::Checked {
+                node: node.clone(),
+                same: now == before,
+                before: before.digest,
+                now: now.digest,
+            });
+            checked.insert(task, Rechecked { node, now: (now != before).then_some(now), before });
         }
         self.ledger.finish(task, made.artifact, true);
         self.end(task, Outcome::Ran, wall_s, None, None);
@@ -360,17 +399,4 @@ fn needs(ledger: &Ledger, task: usize, store: &Store) -> Needs {
         Work::Part(part) => ledger.graph.node(task).stage.needs(part, &inputs(ledger, of), store),
         Work::Close => Needs { memory: 0, exclusive: false },
     }
-}
-
-fn damage_text(damage: &Damage) -> String {
-    let what = match &damage.what {
-        Damaged::Recipe(key) => format!("recipe `{key}`"),
-        Damaged::Object(digest) => format!("object `{digest}`"),
-        _ => "a record".to_owned(),
-    };
-    let whose = match damage.nodes.len() {
-        0 => String::new(),
-        _ => format!(", which belongs to `{}`,", damage.nodes.join("`, `")),
-    };
-    format!("{what}{whose} was damaged; it is made again")
 }

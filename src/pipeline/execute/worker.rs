@@ -10,19 +10,32 @@ use std::time::Instant;
 
 use super::clock::timestamp;
 use crate::pipeline::error::causes;
-use crate::pipeline::graph::{Origin, Task, Work, extensions};
+use crate::pipeline::graph::{Task, Work, extensions};
 use crate::pipeline::ledger::{Ledger, Sources};
-use crate::pipeline::stage::{Context, Input, Inputs, Output, Part, Stage, StageError};
-use crate::store::{Artifact, Key, KeyLock, Making, NodeName, Recipe, Record, Remembered, Store, StoreError};
+use crate::pipeline::stage::{Context, Inputs, Output, Part, Stage, StageError};
+use crate::store::{Artifact, Foreseen, Key, KeyLock, Making, NodeName, Recipe, Record, Remembered, Store, StoreError};
 
 /// Progress is sent at most this often, in milliseconds.
 const EVERY_MS: u64 = 100;
 
 /// What the thread of a task sends.
 pub(super) enum Message {
-    Progress { task: usize, done: u64, total: u64 },
-    Odd { task: usize, message: String },
-    Ended { task: usize, wall_s: f64, result: Result<Made, Trouble> },
+    Progress {
+        task: usize,
+        done: u64,
+        total: u64,
+    },
+    Odd {
+        task: usize,
+        message: String,
+    },
+    /// What the run will take.
+    Foreseen(Foreseen),
+    Ended {
+        task: usize,
+        wall_s: f64,
+        result: Result<Made, Trouble>,
+    },
 }
 
 /// What came out of a task.
@@ -30,6 +43,8 @@ pub(super) struct Made {
     pub artifact: Artifact,
     /// What the same recipe gave before, if that was something else.
     pub before: Option<Artifact>,
+    /// What came out beside what is on record, which then is the artifact.
+    pub beside: Option<Artifact>,
 }
 
 /// Why nothing came out.
@@ -79,6 +94,8 @@ pub(super) struct Assignment<'a> {
     pub store: &'a Store,
     pub cancelled: &'a AtomicBool,
     pub seed: u64,
+    /// What is on record, if the task is only made again to be compared with it.
+    pub beside: Option<Artifact>,
     stage: Arc<dyn Stage>,
     work: Work,
     inputs: Inputs,
@@ -108,6 +125,7 @@ impl<'a> Assignment<'a> {
             store,
             cancelled,
             seed: node.seed.unwrap_or(ledger.graph.pipeline.seed),
+            beside: None,
             stage: Arc::clone(&node.stage),
             work: of.work,
             inputs: inputs(ledger, of),
@@ -144,10 +162,17 @@ impl<'a> Assignment<'a> {
             }
             Work::Close => self.inputs.previous.clone().expect("a chain has a last step"),
         };
+        if let Some(recorded) = &self.beside {
+            return Ok(Made { artifact: recorded.clone(), before: None, beside: Some(artifact) });
+        }
         let making = Making {
             program: concat!("trodden ", env!("CARGO_PKG_VERSION")).to_owned(),
             started,
             wall_s: begun.elapsed().as_secs_f64(),
+            amount: Some(match self.work {
+                Work::Part(part) => self.stage.amount(part),
+                Work::Close => 1.0,
+            }),
             memory: Some(self.memory.load(Ordering::Relaxed)).filter(|bytes| *bytes > 0),
             sources: self.read_sources(),
         };
@@ -157,7 +182,7 @@ impl<'a> Assignment<'a> {
             Remembered::Other { before } if self.work != Work::Close => Some(before),
             _ => None,
         };
-        Ok(Made { artifact: record.artifact, before })
+        Ok(Made { artifact: record.artifact, before, beside: None })
     }
 
     fn run(&self, part: Part, sender: &Sender<Message>) -> Result<Output, Trouble> {
@@ -225,24 +250,14 @@ impl<'a> Assignment<'a> {
 
 /// Puts together what a task reads; all of it is known.
 pub(super) fn inputs(ledger: &Ledger, of: &Task) -> Inputs {
-    let artifact = |task: usize| ledger.artifacts[task].clone().expect("what a task reads is known before it runs");
-    let named = |(name, task): &(Arc<str>, usize)| (name.to_string(), artifact(*task));
-    let parts = of.parts.iter().map(named).collect();
-    let mut inputs = Inputs { parts, previous: of.previous.map(artifact), ..Inputs::default() };
-    if of.work == Work::Close {
-        return inputs;
+    let known = of.inputs(&|task| ledger.artifacts[task].clone());
+    let mut inputs = known.expect("what a task reads is known before it runs");
+    if of.work != Work::Close {
+        inputs.sources.clone_from(&ledger.sources[of.node]);
     }
-    for feed in &of.ports {
-        let input = match &feed.origin {
-            Origin::One(task) => Input::One(artifact(*task)),
-            Origin::Group(members) => Input::Group(members.iter().map(named).collect()),
-        };
-        inputs.ports.insert(feed.port.to_string(), input);
-    }
-    if ledger.graph.node_of(of).spec.open {
+    if of.work != Work::Close && ledger.graph.node_of(of).spec.open {
         inputs.extensions = extensions(ledger.graph, of);
     }
-    inputs.sources.clone_from(&ledger.sources[of.node]);
     inputs
 }
 

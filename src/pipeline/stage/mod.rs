@@ -85,6 +85,13 @@ pub trait Stage: Send + Sync + std::fmt::Debug {
         self.parameters()
     }
 
+    /// Returns how much work a part is, in a unit of the stage's own, as far as its parameters tell: episodes times steps, for
+    /// instance. Forecasts take its time and the size of what it makes to be in proportion.
+    fn amount(&self, part: Part) -> f64 {
+        let _ = part;
+        1.0
+    }
+
     /// Returns what this use of the stage is, if not what the stage itself says: inputs, kind of the output, seed. Name,
     /// version and text are the stage's.
     fn own_spec(&self) -> Option<StageSpec> {

@@ -84,9 +84,8 @@ fn head(run: &Run) -> Markup {
 
 /// Returns the command that runs the same once more.
 fn again(run: &Run) -> String {
-    let sets = run.sets.iter().flat_map(|set| ["--set", set]);
-    let only = run.only.iter().flat_map(|node| ["--only", node]);
-    let words = ["trodden", "run", &run.file].into_iter().chain(sets).chain(only);
+    let asked = run.asked().flat_map(|(option, value)| [option, value]);
+    let words = ["trodden", "run", &run.file].into_iter().chain(asked);
     words.map(quoted).collect::<Vec<_>>().join(" ")
 }
 

@@ -1,0 +1,96 @@
+//! `status --follow`: shows a run that goes on in another process, by what it puts on record.
+
+use std::collections::BTreeSet;
+use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+use super::error::CliError;
+use super::how::HowArgs;
+use super::screen::Screen;
+use super::signals;
+use crate::pipeline::event::{Counts, Event};
+use crate::report::bars::Bars;
+use crate::store::{NodeName, Run, RunStatus, Store};
+
+/// How often the record is looked at.
+const EVERY: Duration = Duration::from_millis(300);
+
+/// Follows a run, or the newest that goes on, to its end; returns what the run's exit code is.
+pub(super) fn follow(store: &Store, id: Option<&str>, screen: &Screen) -> Result<ExitCode, CliError> {
+    let stop = Arc::new(AtomicBool::new(false));
+    signals::listen(&stop);
+    let id = match id {
+        Some(id) => store.run(id)?.id,
+        None => store.runs()?.into_iter().find(|run| run.status == RunStatus::Running).map(|run| run.id).ok_or_else(
+            || CliError::advised("no run goes on in this store", "`trodden status` shows the newest of each pipeline"),
+        )?,
+    };
+    let mut bars = HowArgs::default().bars(screen);
+    let (mut told, mut begun) = (Told::default(), false);
+    loop {
+        let run = store.run(&id)?;
+        if !begun {
+            begun = true;
+            let nodes = store.run_size(&id)?.unwrap_or(run.nodes.len());
+            let (pipeline, file) = (run.pipeline.clone(), run.file.clone());
+            bars.hear(&Event::RunStarted { id: id.clone(), pipeline, file, nodes });
+        }
+        told.tell(&run, &mut bars);
+        if run.status != RunStatus::Running {
+            let Counts { ran, hit, failed, skipped } = told.counts;
+            let (wall_s, status) = (run.wall_s, run.status);
+            bars.hear(&Event::Run { ran, hit, failed, skipped, wall_s, id, status });
+            return bars.take_failure().map_or(Ok(code(status)), |failure| Err(CliError::output(failure)));
+        }
+        if stop.load(Ordering::Relaxed) {
+            // Only the looking ends here; the run goes on.
+            return Ok(ExitCode::SUCCESS);
+        }
+        std::thread::sleep(EVERY);
+    }
+}
+
+/// What of a run has been told.
+#[derive(Default)]
+struct Told {
+    nodes: BTreeSet<NodeName>,
+    warnings: usize,
+    counts: Counts,
+}
+
+impl Told {
+    /// Tells of what is new on record. Warnings name their nodes themselves there.
+    fn tell(&mut self, run: &Run, bars: &mut Bars) {
+        for node in &run.nodes {
+            if !self.nodes.insert(node.node.clone()) {
+                continue;
+            }
+            self.counts.add(node.outcome);
+            bars.hear(&Event::Node {
+                node: node.node.clone(),
+                outcome: node.outcome,
+                digest: node.artifact.as_ref().map(|artifact| artifact.digest),
+                role: node.role,
+                stage: node.stage.clone(),
+                kind: node.kind.clone(),
+                wall_s: node.wall_s,
+                error: node.error.clone(),
+                help: None,
+            });
+        }
+        for message in run.warnings.iter().skip(self.warnings) {
+            bars.hear(&Event::Warning { node: None, message: message.clone() });
+        }
+        self.warnings = self.warnings.max(run.warnings.len());
+    }
+}
+
+fn code(status: RunStatus) -> ExitCode {
+    match status {
+        RunStatus::Finished => ExitCode::SUCCESS,
+        RunStatus::Failed => ExitCode::from(1),
+        RunStatus::Interrupted | RunStatus::Killed | RunStatus::Running => ExitCode::from(130),
+    }
+}
