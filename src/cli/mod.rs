@@ -15,10 +15,13 @@ pub(crate) mod heat_file;
 mod import_args;
 mod init;
 mod keep;
+mod lineage;
 mod look;
 mod ls;
 pub(crate) mod model_files;
+mod of_run;
 mod out_folder;
+mod path;
 mod paths;
 mod plan;
 mod plan_path;
@@ -94,8 +97,12 @@ enum Command {
     Show(show::Args),
     /// Ask the artifacts in SQL: `SELECT * FROM 'labels/home_00' LIMIT 5`.
     Sql(sql::Args),
-    /// Compare the nodes of two runs.
+    /// Compare two runs, or the contents of two artifacts.
     Diff(diff::Args),
+    /// Show everything behind an artifact, down to the files outside of the store.
+    Lineage(lineage::Args),
+    /// Print where the files of an artifact lie in the store.
+    Path(path::Args),
     /// Write the report of a run as one HTML file.
     Report(report::Args),
     /// Mark a run, so that `gc` keeps what it reaches.
@@ -177,6 +184,8 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Show(args) => args.run(store, screen),
         Command::Sql(args) => args.run(store, screen),
         Command::Diff(args) => args.run(store, screen),
+        Command::Lineage(args) => args.run(store, screen),
+        Command::Path(args) => args.run(store, screen),
         Command::Report(args) => args.run(store, screen),
         Command::Keep(args) => args.run(store, screen),
         Command::Gc(args) => args.run(store, screen),

@@ -5,10 +5,13 @@
 //! - [`plain`]: text that gives a terminal no orders;
 //! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
 //! - [`viewer`]: a map to look at closely, in a page of its own or in a report;
-//! - [`html`]: the report of a run.
+//! - [`html`]: the report of a run;
+//! - [`lineage`]: what is behind an artifact, as text, graph and data, and as what goes with it when it leaves the store;
+//! - [`again`]: the command that makes it once more.
 //!
 //! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
 
+pub mod again;
 pub mod amounts;
 mod axis;
 pub mod bars;
@@ -17,6 +20,7 @@ pub mod charts;
 mod colors;
 mod figures;
 pub mod html;
+pub mod lineage;
 pub mod picture;
 pub mod plain;
 pub mod png;
