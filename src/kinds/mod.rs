@@ -27,7 +27,7 @@ use crate::domain::geometry::Frame;
 use crate::store::{Artifact, FileRef, Store, open_regular};
 
 pub use checked::checked;
-pub use checkpoint::{Checkpoint, CheckpointConfig, Learned};
+pub use checkpoint::{Checkpoint, CheckpointConfig, Learned, weights};
 pub use error::KindError;
 pub use heat::{Heat, HeatClasses};
 pub use model::Model;

@@ -5,6 +5,7 @@
 //! - [`plain`]: text that gives a terminal no orders;
 //! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
 //! - [`viewer`]: a map to look at closely, in a page of its own or in a report;
+//! - [`compare`]: what differs between two artifacts in what they hold;
 //! - [`html`]: the report of a run;
 //! - [`lineage`]: what is behind an artifact, as text, graph and data, and as what goes with it when it leaves the store;
 //! - [`again`]: the command that makes it once more.
@@ -18,6 +19,7 @@ pub mod bars;
 mod canvas;
 pub mod charts;
 mod colors;
+pub mod compare;
 mod figures;
 pub mod html;
 pub mod lineage;

@@ -6,6 +6,7 @@
 
 mod by_map;
 mod cache;
+mod compared;
 mod figure;
 mod lead;
 mod lineage;
@@ -24,6 +25,7 @@ use rayon::prelude::*;
 use super::{ReportError, viewer};
 use crate::store::{Run, RunNode, Store};
 use cache::{Cache, Fragment};
+pub use compared::{Section, comparison};
 use lineage::Lineage;
 use maps::Maps;
 use source::Source;

@@ -11,7 +11,7 @@ use crate::report::bars::tally;
 use crate::report::viewer;
 use crate::store::{Outcome, Run, RunStatus};
 
-const STYLE: &str = include_str!("style.css");
+pub(super) const STYLE: &str = include_str!("style.css");
 /// The most failures that are told at the top.
 const MOST_FAILURES: usize = 20;
 
