@@ -196,7 +196,7 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Annotate(args) => args.run(store, screen),
         Command::Simulate(args) => args.run(store, screen),
         Command::PlanPath(args) => args.run(store, screen),
-        Command::Export(args) => args.run(screen),
+        Command::Export(args) => args.run(store, screen),
         Command::Completions(args) => args.run(&mut Cli::command(), screen),
     }
 }
