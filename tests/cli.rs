@@ -3,6 +3,7 @@
 //! One small pipeline is run once for all tests; a test that needs its store gets a copy. Ids, times, digests and sizes are
 //! pinned by filters. The snapshots lie in `cli/snapshots`.
 
+mod answers;
 mod commands;
 mod exports;
 mod maps;

@@ -64,7 +64,7 @@ pub(super) fn check_here(store: &Store, run: &Run, node: &RunNode, artifact: &Ar
     let what = match (gone, all) {
         (1, 1) => "is not in the store any more".to_owned(),
         (0, _) => "is damaged".to_owned(),
-        (gone, all) => format!("is not in the store any more: {gone} of its {all} objects are missing"),
+        (gone, all) => format!("is not in the store any more: missing are {gone} of {all} objects"),
     };
     Err(CliError::advised(
         format!("what `{}` made in the run {} {what}", node.node, run.id),

@@ -103,7 +103,8 @@ impl Look<'_> {
         if names.is_empty() || names.contains(&column) {
             return Ok(());
         }
-        let help = format!("there are {}", names.join(", "));
+        let known: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        let help = format!("known are {}", known.join(", "));
         Err(CliError::advised(format!("there is no column `{column}` to draw"), help))
     }
 
@@ -186,7 +187,7 @@ fn about(side: &Side) -> String {
 fn title(before: &Side, after: &Side) -> String {
     match (before.label(), after.label()) {
         (old, new) if old == new => format!("{new}: what differs"),
-        (old, new) => format!("{old} → {new}"),
+        (old, new) => format!("{old} and {new}: what differs"),
     }
 }
 

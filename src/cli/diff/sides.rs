@@ -81,9 +81,11 @@ impl Things {
         }
         let help = find_node(&newest?, name).err().and_then(|error| error.help());
         let message = format!("`{name}` is no run, no node of the newest run and no file");
+        let end = |help: &str| if help.ends_with('?') { " " } else { "; " };
+        let known = help.map_or_else(String::new, |help| format!("{help}{}", end(&help)));
         Err(CliError::advised(
             message,
-            help.unwrap_or_else(|| "`trodden runs` and `trodden ls` list what there is".to_owned()),
+            format!("{known}`RUN:NODE` is a node of another run, `trodden runs` lists them"),
         ))
     }
 

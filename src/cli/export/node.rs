@@ -11,7 +11,7 @@ use crate::cli::screen::Screen;
 use crate::kinds::parquet::read_any;
 use crate::report::lineage::card::{OutFile, TableAbout, card};
 use crate::report::lineage::find::Finder;
-use crate::report::lineage::ro_crate::{Content, METADATA, metadata};
+use crate::report::lineage::ro_crate::{Beside, Content, METADATA, metadata};
 use crate::report::lineage::{Lineage, json};
 use crate::store::{Artifact, FileRef, Run, RunNode, Store};
 
@@ -86,16 +86,19 @@ impl Args {
 
     /// Writes what the files are.
     fn describe(&self, lineage: &Lineage, run: &Run, files: &[OutFile], screen: &Screen) -> Result<(), CliError> {
-        let besides =
-            [(CARD, "what this is, for people"), (LINEAGE, "its lineage"), (PIPELINE, "the pipeline that was run")];
         let mut written = vec![
             (CARD, card(lineage, Some(run), files).into_bytes()),
             (LINEAGE, pretty(&json::json(lineage, Some(run)))),
             (PIPELINE, run.source.clone().into_bytes()),
         ];
         if self.ro_crate {
+            let about = ["what this is, for people", "all that it was made of", "the pipeline that was run"];
+            let besides = written.iter().zip(about);
+            let besides: Vec<Beside<'_>> =
+                besides.map(|((path, bytes), about)| Beside { path, about, bytes: bytes.len() }).collect();
             let content = Content { lineage, run: Some(run), files, besides: &besides, license: &self.license };
-            written.push((METADATA, pretty(&metadata(&content))));
+            let crated = pretty(&metadata(&content));
+            written.push((METADATA, crated));
         }
         self.out.write(&written, screen)
     }

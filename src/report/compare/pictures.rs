@@ -69,3 +69,45 @@ fn blocked(raster: &Raster) -> Option<Grid<bool>> {
     let Layer::Classes(classes) = raster.layer("free").or_else(|| raster.layer("class"))? else { return None };
     Some(classes.map(|class| *class == i64::from(OBSTACLE)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::geometry::Frame;
+    use crate::domain::quantize::Labels;
+    use crate::kinds::parquet::read_any;
+    use crate::kinds::{Placed, SingleFile};
+    use crate::report::colors;
+    use crate::report::picture::Scale;
+    use crate::report::terminal;
+
+    fn labels(classes: [i8; 6]) -> Raster {
+        let value = Labels { classes: Grid::from_vec(2, 3, classes.to_vec()), count: 3 };
+        let bytes = Placed::new(Frame::at_zero(0.5, 2, 3), value).to_bytes().expect("encodes");
+        Raster::of(&read_any(bytes).expect("decodes")).expect("it is a raster")
+    }
+
+    #[test]
+    fn a_picture_has_zero_in_the_middle_of_its_scale() {
+        let rasters = [labels([0, 1, 1, 3, 2, 2]), labels([0, 1, 3, 2, 2, 2])];
+        let picture = difference(&rasters, "class").expect("they lie on each other");
+        // 0 is a wall in both; +2 and −1 on a scale from −2 to 2.
+        let same = colors::change(0.0);
+        let expected = [colors::WALL, same, colors::change(1.0), colors::change(-0.5), same, same];
+        assert_eq!(picture.paint(Scale::Linear).as_slice(), expected);
+        // A letter stands for both rows, and for what has changed most in them.
+        let text = terminal::raster(&picture, Scale::Linear, 3, false);
+        assert!(text.starts_with("= *\n") && text.contains("change of class"), "{text}");
+        assert_eq!(difference(&rasters, "heat"), None);
+    }
+
+    #[test]
+    fn letters_tell_more_from_less() {
+        let row = |values: [f32; 6]| {
+            let changes = Grid::from_vec(1, 6, values.to_vec());
+            let picture = Picture::changes(Frame::at_zero(0.5, 1, 6), changes, None, "change".to_owned());
+            terminal::raster(&picture, Scale::Linear, 6, false).lines().next().map(str::to_owned)
+        };
+        assert_eq!(row([-4.0, -1.0, 0.0, 1.0, 4.0, f32::NAN]).as_deref(), Some("=- +*"));
+    }
+}

@@ -10,6 +10,8 @@ use crate::report::terminal::decimal;
 
 /// Significant digits that are written.
 const DIGITS: i32 = 6;
+/// Letters of an entry that are written at most.
+const LONGEST: usize = 100;
 /// Values of a row that are written at most.
 const MOST_VALUES: usize = 4;
 
@@ -51,7 +53,7 @@ fn raster(change: &RasterChange) -> Vec<String> {
     }
     lines.extend(change.removed.iter().map(|name| format!("{name}: only before")));
     lines.extend(change.added.iter().map(|name| format!("{name}: only after")));
-    lines.extend(settings(&change.metadata, usize::MAX));
+    lines.extend(settings(&change.metadata, usize::MAX).into_iter().map(|line| format!("metadata {line}")));
     lines
 }
 
@@ -156,7 +158,7 @@ fn table(change: &TableChange, most: usize) -> Vec<String> {
         lines.extend(columns(change, most));
     }
     lines.extend(change.first_rows.iter().take(most).map(row));
-    lines.extend(settings(&change.metadata, usize::MAX));
+    lines.extend(settings(&change.metadata, usize::MAX).into_iter().map(|line| format!("metadata {line}")));
     lines
 }
 
@@ -240,7 +242,11 @@ fn weights(change: &WeightsChange, most: usize) -> Vec<String> {
 }
 
 fn settings(entries: &[Setting], most: usize) -> Vec<String> {
-    let side = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
+    let side = |value: &Option<String>| match value {
+        None => "nothing".to_owned(),
+        Some(text) if text.chars().count() > LONGEST => format!("{}…", text.chars().take(LONGEST).collect::<String>()),
+        Some(text) => text.clone(),
+    };
     let line = |entry: &Setting| format!("{}: {} → {}", entry.name, side(&entry.before), side(&entry.after));
     let mut lines: Vec<String> = entries.iter().take(most).map(line).collect();
     let more = entries.len().saturating_sub(most);
@@ -270,4 +276,62 @@ fn aligned(rows: &[Vec<String>]) -> Vec<String> {
         format!("  {}", cells.collect::<Vec<_>>().join("  ").trim_end())
     };
     rows.iter().map(line).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::domain::geometry::{Frame, Grid};
+    use crate::domain::quantize::Labels;
+    use crate::domain::raster::VisitCounts;
+    use crate::kinds::{Placed, SingleFile};
+    use crate::report::compare::files::of_bytes;
+
+    const FRAME: Frame = Frame::at_zero(0.5, 2, 3);
+
+    fn check(before: Vec<u8>, after: Vec<u8>, expected: &str) {
+        assert_eq!(lines(&of_bytes("", before, after), 20).join("\n"), expected);
+    }
+
+    #[test]
+    fn rasters_are_told_cell_by_cell() {
+        let visits = |counts: [u32; 6]| {
+            let counts = Grid::from_vec(2, 3, counts.to_vec());
+            Placed::new(FRAME, VisitCounts { counts, paths: 9, flow: None }).to_bytes().expect("encodes")
+        };
+        check(
+            visits([0, 1, 2, 3, 4, 5]),
+            visits([0, 1, 4, 3, 1, 5]),
+            "visits: 2 of 6 (33.3 %) cells differ\n  by 3 at most and 0.833333 on average over all cells; the sum is 15 → 14 (−1)\n  \
+             risen most: 2 → 4 (+2) at (1.25, 0.75) m, row 0, column 2\n  fallen most: 4 → 1 (−3) at (0.75, 0.25) m, row 1, column 1",
+        );
+        check(visits([1; 6]), visits([1; 6]), "the same, byte for byte");
+    }
+
+    #[test]
+    fn labels_are_told_by_what_became_of_them() {
+        let labels = |classes: [i8; 6], count| {
+            let classes = Grid::from_vec(2, 3, classes.to_vec());
+            Placed::new(FRAME, Labels { classes, count }).to_bytes().expect("encodes")
+        };
+        check(
+            labels([-1, 0, 1, 1, 2, 2], 2),
+            labels([-1, 0, 2, 1, 1, -1], 3),
+            "class: 3 of 6 (50.0 %) cells differ\n  \
+             before ↓  after →  unlabeled  blocked  1  2\n  \
+             unlabeled                  1        ·  ·  ·\n  \
+             blocked                    ·        1  ·  ·\n  \
+             1                          ·        ·  1  1\n  \
+             2                          1        ·  1  ·\n\
+             metadata classes: 2 → 3",
+        );
+    }
+
+    #[test]
+    fn what_is_of_no_known_form_is_told_by_its_bytes() {
+        check(b"PAR1 no".to_vec(), b"PAR1 yes".to_vec(), "7 → 8 bytes, the first difference is byte 5");
+        check(b"{\"a\": 1}".to_vec(), b"{\"a\": 2}".to_vec(), "a: 1 → 2");
+        check(b"{\"a\": 1}".to_vec(), b"{\"a\":1}".to_vec(), "the same JSON, written otherwise");
+        check(b"abc".to_vec(), b"abd".to_vec(), "3 → 3 bytes, the first difference is byte 2");
+    }
 }

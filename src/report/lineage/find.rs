@@ -266,3 +266,6 @@ fn in_order(steps: Vec<Step>) -> Lineage {
     }
     Lineage { steps: ordered }
 }
+
+#[cfg(test)]
+mod tests;

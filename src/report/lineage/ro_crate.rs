@@ -30,10 +30,21 @@ pub struct Content<'a> {
     pub run: Option<&'a Run>,
     /// The files of the artifact.
     pub files: &'a [OutFile],
-    /// Files besides: path and what it is.
-    pub besides: &'a [(&'a str, &'a str)],
+    /// Files besides.
+    pub besides: &'a [Beside<'a>],
     /// Under which license it is; an address, or any words.
     pub license: &'a str,
+}
+
+/// A file beside those of the artifact.
+#[derive(Debug, Clone, Copy)]
+pub struct Beside<'a> {
+    /// Its path below the folder.
+    pub path: &'a str,
+    /// What it is.
+    pub about: &'a str,
+    /// Its size in bytes.
+    pub bytes: usize,
 }
 
 /// Entities in the order in which they were named first.
@@ -62,18 +73,17 @@ impl Entities {
 pub fn metadata(content: &Content<'_>) -> Value {
     let target = content.lineage.target();
     let mut entities = Entities::default();
-    let profile = |entities: &mut Entities| {
-        entities.add(
-            PROFILE,
-            || json!({ "@type": ["CreativeWork", "Profile"], "name": "Process Run Crate", "version": "0.5" }),
-        )
-    };
-    let profile = profile(&mut entities);
+    let profile = json!({ "@type": ["CreativeWork", "Profile"], "name": "Process Run Crate", "version": "0.5" });
+    let profile = entities.add(PROFILE, || profile);
     let license = license(&mut entities, content.license);
     let exported = exported(&mut entities, content);
-    let besides = content.besides.iter().map(|(path, name)| {
-        let format = media_type(path);
-        entities.add(&encoded(path), || json!({ "@type": "File", "name": name, "encodingFormat": format }))
+    let besides = content.besides.iter().map(|Beside { path, about, bytes }| {
+        let (format, size) = (media_type(path), bytes.to_string());
+        entities.add(&encoded(path), || {
+            json!({
+                "@type": "File", "name": path, "description": about, "encodingFormat": format, "contentSize": size
+            })
+        })
     });
     let parts: Vec<Value> = std::iter::once(exported.clone()).chain(besides).collect();
     let mut actions = Vec::new();
@@ -90,10 +100,10 @@ pub fn metadata(content: &Content<'_>) -> Value {
         "description": format!("{kind}: {}, with all that it was made of", what(kind)),
         "datePublished": published.unwrap_or_else(|| "1970-01-01".to_owned()),
         "license": license,
-        "conformsTo": [profile],
-        "hasPart": parts,
+        "conformsTo": profile,
+        "hasPart": compact(parts),
         "mainEntity": exported,
-        "mentions": actions,
+        "mentions": compact(actions),
     });
     let descriptor = json!({
         "@id": METADATA,
@@ -107,9 +117,22 @@ pub fn metadata(content: &Content<'_>) -> Value {
 
 fn license(entities: &mut Entities, license: &str) -> Value {
     if license.starts_with("https://") || license.starts_with("http://") {
-        entities.add(license, || json!({ "@type": "CreativeWork", "name": license, "url": license }))
+        entities.add(license, || {
+            json!({ "@type": "CreativeWork", "name": license, "description": "the license of the crate", "url": license })
+        })
     } else {
-        json!(license)
+        entities.add(
+            "#license",
+            || json!({ "@type": "CreativeWork", "name": license, "description": format!("The license is {license}.") }),
+        )
+    }
+}
+
+/// Writes a list as the specification recommends: a single value by itself.
+fn compact(values: Vec<Value>) -> Value {
+    match <[Value; 1]>::try_from(values) {
+        Ok([only]) => only,
+        Err(values) => Value::Array(values),
     }
 }
 
@@ -144,7 +167,7 @@ fn exported(entities: &mut Entities, content: &Content<'_>) -> Value {
                     "name": target.name(),
                     "description": format!("{kind}: {}", what(kind)),
                     "identifier": digest(&target.digest),
-                    "hasPart": parts,
+                    "hasPart": compact(parts),
                 })
             })
         }
@@ -185,15 +208,15 @@ fn action(entities: &mut Entities, content: &Content<'_>, step: &Step, exported:
             "name": format!("{} → {}", recipe.stage, step.name()),
             "description": format!("The stage `{}` of version {} made `{}`.", recipe.stage, recipe.version, step.name()),
             "instrument": instrument,
-            "object": objects,
-            "result": [result],
+            "object": compact(objects),
+            "result": result,
             "actionStatus": "http://schema.org/CompletedActionStatus",
         });
         if let Some((start, end)) = step.making.as_ref().and_then(times) {
             (action["startTime"], action["endTime"]) = (json!(start), json!(end));
         }
         if !environment.is_empty() {
-            action["environment"] = json!(environment);
+            action["environment"] = compact(environment);
         }
         action
     }))
@@ -247,7 +270,7 @@ fn stage(entities: &mut Entities, recipe: &Recipe, making: Option<&Making>) -> V
 fn software(name: &str, version: &str) -> Value {
     let url = format!("pkg:generic/{}@{}", encoded(name), encoded(version));
     json!({
-        "@type": "SoftwareApplication", "name": name, "version": version, "softwareVersion": version, "url": url
+        "@type": "SoftwareApplication", "name": name, "version": version, "url": url
     })
 }
 
