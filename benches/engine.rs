@@ -10,6 +10,7 @@ use std::sync::atomic::AtomicBool;
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use trodden::pipeline::execute::{Options, execute};
 use trodden::pipeline::plan::plan;
+use trodden::pipeline::selection::Selection;
 use trodden::pipeline::spec::{self, Pipeline, Request};
 use trodden::store::Store;
 
@@ -29,7 +30,8 @@ fn pipeline(maps: usize) -> Pipeline {
 
 fn engine(criterion: &mut Criterion) {
     static NEVER: AtomicBool = AtomicBool::new(false);
-    let options = Options { jobs: 2, memory: 1 << 30, keep_going: false, only: Vec::new(), cancelled: &NEVER };
+    let options =
+        Options { jobs: 2, memory: 1 << 30, keep_going: false, selection: Selection::default(), cancelled: &NEVER };
     let mut group = criterion.benchmark_group("nothing to do");
     group.sample_size(10);
     for nodes in [30, 300, 10_000] {
@@ -39,7 +41,7 @@ fn engine(criterion: &mut Criterion) {
         let first = execute(&made, &store, &options, &mut |_| ()).expect("the pipeline runs");
         assert_eq!(first.counts.total(), first.counts.ran);
         group.bench_with_input(BenchmarkId::new("plan", nodes), &nodes, |bencher, nodes| {
-            bencher.iter(|| plan(&pipeline(nodes / 10), &store, &[]).expect("the store can be read"));
+            bencher.iter(|| plan(&pipeline(nodes / 10), &store, &Selection::default()).expect("the store can be read"));
         });
         group.bench_with_input(BenchmarkId::new("run", nodes), &nodes, |bencher, nodes| {
             bencher.iter(|| {

@@ -5,6 +5,7 @@
 
 mod answers;
 mod commands;
+mod contents;
 mod exports;
 mod live;
 mod maps;

@@ -18,11 +18,14 @@ mod how;
 mod import_args;
 mod init;
 mod keep;
+mod lineage;
 mod log;
 mod look;
 mod ls;
 pub(crate) mod model_files;
+mod of_run;
 mod out_folder;
+mod path;
 mod paths;
 mod plan;
 mod plan_path;
@@ -112,8 +115,12 @@ enum Command {
     Log(log::Args),
     /// Ask the artifacts in SQL: `SELECT * FROM 'labels/home_00' LIMIT 5`.
     Sql(sql::Args),
-    /// Compare the nodes of two runs.
+    /// Compare two runs, or the contents of two artifacts.
     Diff(diff::Args),
+    /// Show everything behind an artifact, down to the files outside of the store.
+    Lineage(lineage::Args),
+    /// Print where the files of an artifact lie in the store.
+    Path(path::Args),
     /// Write the report of a run as one HTML file.
     Report(report::Args),
     /// Mark a run, so that `gc` keeps what it reaches.
@@ -200,6 +207,8 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Log(args) => args.run(store, screen),
         Command::Sql(args) => args.run(store, screen),
         Command::Diff(args) => args.run(store, screen),
+        Command::Lineage(args) => args.run(store, screen),
+        Command::Path(args) => args.run(store, screen),
         Command::Report(args) => args.run(store, screen),
         Command::Keep(args) => args.run(store, screen),
         Command::Gc(args) => args.run(store, screen),
@@ -210,7 +219,7 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Annotate(args) => args.run(store, screen),
         Command::Simulate(args) => args.run(store, screen),
         Command::PlanPath(args) => args.run(store, screen),
-        Command::Export(args) => args.run(screen),
+        Command::Export(args) => args.run(store, screen),
         Command::Completions(args) => args.run(&mut Cli::command(), screen),
     }
 }

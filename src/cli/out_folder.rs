@@ -32,11 +32,12 @@ impl OutFolder {
         Ok(())
     }
 
-    /// Writes files, and prints where each of them is.
+    /// Writes files, and prints where each of them is. Their names may lead through folders, which are made.
     pub(super) fn write(&self, files: &[(&str, Vec<u8>)], screen: &Screen) -> Result<(), CliError> {
-        std::fs::create_dir_all(&self.out).map_err(|source| failed(&self.out, source))?;
         for (name, bytes) in files {
             let path = self.out.join(name);
+            let folder = path.parent().unwrap_or(&self.out);
+            std::fs::create_dir_all(folder).map_err(|source| failed(folder, source))?;
             write_whole(&path, bytes).map_err(|source| failed(&path, source))?;
             screen.line(path.display().to_string())?;
         }

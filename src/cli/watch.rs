@@ -99,7 +99,8 @@ impl Args {
         &self,
         now: &Look,
         (register, root): (&Register, &Path),
-        stopped: &dyn Fn() -> bool) -> Result<Option<Look>, CliError> {
+        stopped: &dyn Fn() -> bool,
+    ) -> Result<Option<Look>, CliError> {
         loop {
             if !pause(EVERY, stopped) {
                 return Ok(None);

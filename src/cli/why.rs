@@ -67,7 +67,7 @@ impl Args {
 }
 
 /// The run of the same pipeline, by name and file, before `run`.
-fn before(store: &Store, run: &Run) -> Result<Option<Run>, CliError> {
+pub(super) fn before(store: &Store, run: &Run) -> Result<Option<Run>, CliError> {
     let runs = store.runs()?;
     let mut older = runs.iter().skip_while(|other| other.id != run.id);
     let Some(this) = older.next() else { return Ok(None) };

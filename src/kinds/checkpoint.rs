@@ -434,6 +434,14 @@ pub(super) fn arrays_to_bytes(file: &'static str, arrays: &Arrays, precision: Pr
     safetensors::serialize(views, None).map_err(|e| damaged(file, e))
 }
 
+/// Reads the arrays of a file of weights, whoever wrote it.
+///
+/// # Errors
+/// [`KindError`] if it is none, or holds other numbers than finite ones in single or half precision.
+pub fn weights(bytes: &[u8]) -> Result<Arrays, KindError> {
+    arrays_from_bytes("weights", bytes)
+}
+
 /// Decodes safetensors in single or half precision.
 pub(super) fn arrays_from_bytes(file: &'static str, bytes: &[u8]) -> Result<Arrays, KindError> {
     let tensors = SafeTensors::deserialize(bytes).map_err(|e| damaged(file, e))?;

@@ -28,7 +28,7 @@ use crate::domain::geometry::Frame;
 use crate::store::{Artifact, FileRef, Store, open_regular};
 
 pub use checked::checked;
-pub use checkpoint::{Checkpoint, CheckpointConfig, Learned};
+pub use checkpoint::{Checkpoint, CheckpointConfig, Learned, weights};
 pub use error::KindError;
 pub use heat::{Heat, HeatClasses};
 pub use metrics::{METRICS_FILE, plain_metrics};

@@ -43,6 +43,22 @@ pub fn value(share: f64) -> Rgb {
     SCALE[(share.clamp(0.0, 1.0) * (SCALE.len() - 1) as f64).round() as usize]
 }
 
+/// Nothing has changed.
+const SAME: Rgb = [247, 247, 245];
+/// What a change passes on its way to the largest one, down and up: blue and orange, which color blindness leaves apart.
+const LESS: [Rgb; 2] = [[112, 168, 214], [18, 66, 140]];
+const MORE: [Rgb; 2] = [[244, 156, 92], [158, 34, 24]];
+
+/// Returns the color of a change, from −1 over 0, where all stays the same, to 1.
+#[must_use]
+pub fn change(share: f64) -> Rgb {
+    let [middle, end] = if share < 0.0 { LESS } else { MORE };
+    match 2.0 * share.abs().min(1.0) {
+        near if near <= 1.0 => mix(SAME, middle, near),
+        far => mix(middle, end, far - 1.0),
+    }
+}
+
 /// Returns the color of a class from 1 to `count`.
 #[must_use]
 pub fn class(class: i8, count: u8) -> Rgb {

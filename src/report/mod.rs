@@ -6,18 +6,24 @@
 //! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
 //! - [`viewer`]: a map to look at closely, in a page of its own or in a report;
 //! - [`study`]: runs and variants side by side;
-//! - [`html`]: the report of a run, and the page of a study.
+//! - [`compare`]: what differs between two artifacts in what they hold;
+//! - [`html`]: the report of a run, and the page of a study;
+//! - [`lineage`]: what is behind an artifact, as text, graph and data, and as what goes with it when it leaves the store;
+//! - [`again`]: the command that makes it once more.
 //!
 //! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
 
+pub mod again;
 pub mod amounts;
 mod axis;
 pub mod bars;
 mod canvas;
 pub mod charts;
 mod colors;
+pub mod compare;
 mod figures;
 pub mod html;
+pub mod lineage;
 pub mod picture;
 pub mod plain;
 pub mod png;

@@ -34,6 +34,13 @@ pub(super) enum Layer {
         /// What a zero on a free cell is called, if it is no value.
         empty: Option<&'static str>,
     },
+    /// How a number for each cell has changed; what is no number is left blank.
+    Changes {
+        changes: Grid<f32>,
+        walls: Option<Grid<bool>>,
+        /// What has changed.
+        unit: String,
+    },
     /// A class for each cell, from 1 to `count`, or one of the two special ones.
     Classes { classes: Grid<i8>, count: u8, unlabeled: &'static str },
     /// Colors that need no scale.
@@ -50,6 +57,8 @@ pub(super) enum Ink {
     Free,
     /// A share of the scale.
     Value(f64),
+    /// A share of the largest change, from −1 to 1.
+    Change(f64),
     Class(i8, u8),
     Color(Rgb),
 }
@@ -61,6 +70,7 @@ impl Ink {
             Self::Empty => colors::EMPTY,
             Self::Free => colors::FREE,
             Self::Value(share) => colors::value(share),
+            Self::Change(share) => colors::change(share),
             Self::Class(class, count) => colors::class(class, count),
             Self::Color(color) => color,
         }
@@ -71,9 +81,14 @@ impl Ink {
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Key {
     /// The axis of a color bar and what it measures.
-    pub bar: Option<(Axis, &'static str)>,
+    pub bar: Option<(Axis, String)>,
     /// Colors with a name of their own.
     pub legend: Vec<(String, Rgb)>,
+}
+
+/// Decides how a share of an axis's length is drawn: an axis with zero in its middle is one of changes.
+pub(super) fn ink_at(axis: &Axis, share: f64) -> Ink {
+    if axis.low < 0.0 { Ink::Change(2.0 * share - 1.0) } else { Ink::Value(share) }
 }
 
 impl Picture {
@@ -100,6 +115,17 @@ impl Picture {
         assert_eq!((values.rows(), values.cols()), (frame.rows, frame.cols), "a value for each cell");
         assert!(walls.as_ref().is_none_or(|walls| walls.len() == values.len()), "a wall or none for each cell");
         Self { frame: Some(frame), layer: Layer::Values { values, walls, unit, empty } }
+    }
+
+    /// Draws how numbers have changed, with zero in the middle of the scale; `walls` are cells that are blocked.
+    ///
+    /// # Panics
+    /// If the grids are not of the frame's size.
+    #[must_use]
+    pub fn changes(frame: Frame, changes: Grid<f32>, walls: Option<Grid<bool>>, unit: String) -> Self {
+        assert_eq!((changes.rows(), changes.cols()), (frame.rows, frame.cols), "a change for each cell");
+        assert!(walls.as_ref().is_none_or(|walls| walls.len() == changes.len()), "a wall or none for each cell");
+        Self { frame: Some(frame), layer: Layer::Changes { changes, walls, unit } }
     }
 
     /// Draws classes; `unlabeled` names the free cells without one.
@@ -158,6 +184,7 @@ impl Picture {
         match &self.layer {
             Layer::Map(grid) => grid.rows(),
             Layer::Values { values, .. } => values.rows(),
+            Layer::Changes { changes, .. } => changes.rows(),
             Layer::Classes { classes, .. } => classes.rows(),
             Layer::Painted { pixels, .. } => pixels.rows(),
         }
@@ -169,6 +196,7 @@ impl Picture {
         match &self.layer {
             Layer::Map(grid) => grid.cols(),
             Layer::Values { values, .. } => values.cols(),
+            Layer::Changes { changes, .. } => changes.cols(),
             Layer::Classes { classes, .. } => classes.cols(),
             Layer::Painted { pixels, .. } => pixels.cols(),
         }
@@ -207,6 +235,18 @@ impl Picture {
                     }
                 })
             }
+            Layer::Changes { changes, walls, .. } => {
+                let high = self.axis(scale).expect("changes have an axis").high;
+                Grid::from_fn(changes.rows(), changes.cols(), |cell: Cell| {
+                    let change = f64::from(changes[cell]);
+                    match walls.as_ref().is_some_and(|walls| walls[cell]) {
+                        // A change within a wall is to be seen.
+                        true if change == 0.0 || !change.is_finite() => Ink::Wall,
+                        _ if change.is_finite() => Ink::Change(change / high),
+                        _ => Ink::Empty,
+                    }
+                })
+            }
             Layer::Classes { classes, count, .. } => classes.map(|class| match *class {
                 OBSTACLE => Ink::Wall,
                 class if class <= UNLABELED => Ink::Empty,
@@ -222,6 +262,11 @@ impl Picture {
     }
 
     fn axis(&self, scale: Scale) -> Option<Axis> {
+        if let Layer::Changes { changes, .. } = &self.layer {
+            let sizes = changes.as_slice().iter().map(|change| f64::from(change.abs()));
+            let Axis { high, .. } = Axis::of(sizes, Scale::Linear);
+            return Some(Axis { low: -high, high, scale: Scale::Linear });
+        }
         let Layer::Values { values, walls, .. } = &self.layer else { return None };
         let open = |i: usize| walls.as_ref().is_none_or(|walls| !walls.as_slice()[i]);
         let numbers = values.as_slice().iter().enumerate().filter(|(i, _)| open(*i)).map(|(_, v)| f64::from(*v));
@@ -241,7 +286,17 @@ impl Picture {
                     legend.push(named("blocked", colors::WALL));
                 }
                 legend.extend(empty.map(|empty| named(empty, colors::EMPTY)));
-                Key { bar: Some((self.axis(scale).expect("values have an axis"), unit)), legend }
+                Key { bar: Some((self.axis(scale).expect("values have an axis"), (*unit).to_owned())), legend }
+            }
+            Layer::Changes { changes, walls, unit } => {
+                let mut legend = Vec::new();
+                if walls.is_some() {
+                    legend.push(named("blocked", colors::WALL));
+                }
+                if changes.as_slice().iter().any(|change| !change.is_finite()) {
+                    legend.push(named("not in both", colors::EMPTY));
+                }
+                Key { bar: Some((self.axis(scale).expect("changes have an axis"), unit.clone())), legend }
             }
             Layer::Classes { classes, count, unlabeled } => {
                 let last = i8::try_from(*count).unwrap_or(i8::MAX);

@@ -8,7 +8,7 @@ use crate::domain::geometry::Grid;
 use super::axis::{Axis, Tick};
 use super::canvas::{Canvas, Font};
 use super::colors::{self, Rgb};
-use super::picture::{Key, Picture, Scale};
+use super::picture::{Key, Picture, Scale, ink_at};
 
 /// Length of the longer edge of the plot in pixels, about.
 const EDGE: usize = 960;
@@ -172,7 +172,7 @@ impl Layout {
         let (x, font) = (self.left + self.plot_width + MARGIN, Font::SMALL);
         for row in 0..self.plot_height {
             let share = 1.0 - row as f64 / (self.plot_height - 1).max(1) as f64;
-            canvas.fill(x, self.top + row, BAR, 1, colors::value(share));
+            canvas.fill(x, self.top + row, BAR, 1, ink_at(axis, share).color());
         }
         canvas.frame(x, self.top, BAR, self.plot_height, colors::INK);
         let ticks = axis.ticks((self.plot_height / 60).clamp(2, 8));

@@ -7,11 +7,13 @@ use crate::domain::geometry::{Cell, Grid};
 
 use super::axis::Axis;
 use super::colors::{self, Rgb};
-use super::picture::{Ink, Picture, Scale};
+use super::picture::{Ink, Picture, Scale, ink_at};
 use super::plain::one_line;
 
 /// Shades for values where there is no color, from low to high.
 const SHADES: &[u8] = b".:-=+*%@";
+/// Letters for changes from the largest decrease to the largest increase.
+const CHANGES: &[u8] = b"=- +*";
 /// Columns where the terminal does not tell.
 const COLUMNS: usize = 80;
 /// Columns of one cell of a table at most.
@@ -83,15 +85,22 @@ fn shaded(picture: &Picture, scale: Scale, columns: usize, lines: usize) -> Stri
 /// Chooses a letter: a wall if half of the cells are walls, else the highest value or class.
 fn shade(inks: impl Iterator<Item = Ink>) -> char {
     let (mut walls, mut all, mut value, mut class, mut dark) = (0, 0, None::<f64>, None::<i8>, 0.0f64);
+    let mut change = 0.0f64;
     for ink in inks {
         all += 1;
         match ink {
             Ink::Wall => walls += 1,
             Ink::Value(share) => value = Some(value.map_or(share, |before| before.max(share))),
+            Ink::Change(share) if share.abs() > change.abs() => change = share,
             Ink::Class(number, _) => class = class.max(Some(number)),
             Ink::Color(color) => dark = dark.max(1.0 - colors::luminance(color)),
-            Ink::Empty | Ink::Free => {}
+            Ink::Change(_) | Ink::Empty | Ink::Free => {}
         }
+    }
+    if change != 0.0 {
+        // The smallest change is to be seen.
+        let place = if change > 0.0 { 3 + usize::from(change >= 0.5) } else { 1 - usize::from(change <= -0.5) };
+        return char::from(CHANGES[place]);
     }
     match (2 * walls >= all, class, value) {
         (true, ..) => '#',
@@ -139,7 +148,9 @@ fn bar(axis: &Axis, unit: &str, color: bool, columns: usize) -> String {
     for i in 0..length {
         let share = i as f64 / (length - 1) as f64;
         if color {
-            text.push_str(&format!("{} ", background(colors::value(share))));
+            text.push_str(&format!("{} ", background(ink_at(axis, share).color())));
+        } else if let ink @ Ink::Change(_) = ink_at(axis, share) {
+            text.push(shade(std::iter::once(ink)));
         } else {
             text.push(char::from(SHADES[(i * SHADES.len() / length).min(SHADES.len() - 1)]));
         }
@@ -246,7 +257,7 @@ fn cell(value: &AnyValue<'_>) -> String {
 }
 
 /// Writes a number with so many significant digits at most.
-fn decimal(value: f64, digits: i32) -> String {
+pub(super) fn decimal(value: f64, digits: i32) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
     }

@@ -128,6 +128,14 @@ impl Recipe {
         serde_json::to_string(&canonical).expect("a recipe is JSON: its keys are strings")
     }
 
+    /// Returns the parameters as texts by name, nested ones with dots; lists are one text.
+    #[must_use]
+    pub fn parameter_texts(&self) -> Vec<(String, String)> {
+        let mut texts = Vec::new();
+        flatten("", &self.parameters, &mut |name, text| texts.push((name, text)));
+        texts
+    }
+
     /// Returns what a newer recipe has otherwise, in the order of the recipe's fields.
     #[must_use]
     pub fn differences(&self, newer: &Self) -> Vec<Difference> {

@@ -68,6 +68,9 @@ pub struct Run {
     pub keep: bool,
     /// All nodes, chunks and steps in the order of the plan; while it runs, those that are done with.
     pub nodes: Vec<RunNode>,
+    /// What a command line varied, such as `labels.classes=3,4`.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub axes: Vec<String>,
     /// What a sweep went through, in its order; empty without one.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub variants: Vec<RunVariant>,

@@ -7,7 +7,7 @@ fn help_has_examples() {
     let place = Place::empty();
     check("help", &place.out(&["--help"]));
     check("help-run", &place.out(&["run", "--help"]));
-    let commands = "run watch plan why status ls runs show sql diff report keep gc verify check schema init annotate simulate \
+    let commands = "run watch plan why status ls runs show sql diff lineage path report keep gc verify check schema init annotate simulate \
          completions";
     for command in commands.split(' ') {
         let help = place.out(&[command, "--help"]);

@@ -3,6 +3,7 @@
 mod lif;
 mod nav2;
 mod nav2_params;
+mod node;
 mod rmf;
 mod routes;
 
@@ -20,7 +21,8 @@ use crate::store::write_whole;
   trodden export model artifacts/latest/model/model --out my_model
   trodden annotate my_map.yaml --model my_model --out annotated
   trodden export nav2 annotated/heat.parquet --map my_map.yaml --out nav2
-  trodden export rmf annotated/heat.parquet --level L1 --out rmf")]
+  trodden export rmf annotated/heat.parquet --level L1 --out rmf
+  trodden export node heat/home_1000 --out heat --ro-crate")]
 pub struct Args {
     #[command(subcommand)]
     what: What,
@@ -41,17 +43,20 @@ enum What {
     Nav2(nav2::Args),
     /// Write a graph of lanes for Open-RMF, on which busy lanes take longer.
     Rmf(rmf::Args),
+    /// Write an artifact as plain files, with a card that says what it is, what it was made of and how to make it again.
+    Node(node::Args),
     /// Write a graph of ways as a layout for VDA 5050 (LIF), on which busy edges are slower.
     Lif(lif::Args),
 }
 
 impl Args {
-    pub(super) fn run(&self, screen: &Screen) -> Result<ExitCode, CliError> {
+    pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         match &self.what {
             What::Model { checkpoint, out } => model(checkpoint, out, screen)?,
             What::Nav2(arguments) => arguments.run(screen)?,
             What::Rmf(arguments) => arguments.run(screen)?,
             What::Lif(arguments) => arguments.run(screen)?,
+            What::Node(arguments) => arguments.run(store, screen)?,
         }
         Ok(ExitCode::SUCCESS)
     }

@@ -44,6 +44,7 @@ impl<'a> Recorder<'a> {
             exclude: options.selection.exclude.clone(),
             force: options.selection.force.clone(),
             source: pipeline.source.clone(),
+            axes: pipeline.axes.clone(),
             variants: pipeline.variants.iter().map(|variant| recorded(variant, pipeline)).collect(),
             started: begun.started,
             version: env!("CARGO_PKG_VERSION").to_owned(),

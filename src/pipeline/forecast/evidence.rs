@@ -31,7 +31,7 @@ pub(super) fn work(plan: &Plan) -> Vec<Work> {
     };
     let of = |task: &crate::pipeline::plan::PlannedTask| Work {
         name: task.name.clone(),
-        group: group(&task.name, task.stage),
+        group: group(&task.name, &task.stage),
         amount: task.amount,
         inputs: task.inputs.clone(),
         state: done(&task.state),

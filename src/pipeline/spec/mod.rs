@@ -137,6 +137,7 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         name: name_of(&declared, request)?,
         file: request.file.to_path_buf(),
         sets: request.sets.to_vec(),
+        axes: request.axes.to_vec(),
         source: settings + text,
         seed: declared.seed,
         groups,

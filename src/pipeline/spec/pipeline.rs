@@ -19,6 +19,8 @@ pub struct Pipeline {
     pub file: PathBuf,
     /// The settings that were applied, in order.
     pub sets: Vec<String>,
+    /// What a command line varies besides what the file says.
+    pub axes: Vec<String>,
     /// The text of the file, below the settings as comments.
     pub source: String,
     /// The seed of all nodes that name none of their own.

@@ -7,7 +7,7 @@ use maud::{Markup, PreEscaped, html};
 use crate::report::axis::{Axis, Tick};
 use crate::report::charts::{Anchor, Svg};
 use crate::report::colors;
-use crate::report::picture::{Picture, Scale};
+use crate::report::picture::{Picture, Scale, ink_at};
 use crate::report::png::{self, Axes};
 
 /// Width of a plot in pixels of the page.
@@ -107,7 +107,7 @@ fn draw_bar(svg: &mut Svg, axis: &Axis, unit: &str, [x, top, wide, high]: [f64; 
         let share = 1.0 - (i as f64 + 0.5) / STEPS as f64;
         let y = top + high * i as f64 / STEPS as f64;
         // A little overlap leaves no hairlines between the steps.
-        let color = format!("fill=\"{}\"", colors::hex(colors::value(share)));
+        let color = format!("fill=\"{}\"", colors::hex(ink_at(axis, share).color()));
         svg.rect([x, y, wide, (high / STEPS as f64 + 0.6).min(top + high - y)], &color);
     }
     svg.rect([x, top, wide, high], "class=\"frame\"");

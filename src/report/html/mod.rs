@@ -6,6 +6,7 @@
 
 mod by_map;
 mod cache;
+mod compared;
 mod figure;
 mod lead;
 mod lineage;
@@ -27,6 +28,7 @@ use crate::store::{Run, RunNode, Store};
 pub use study::{Front, study};
 
 use cache::{Cache, Fragment};
+pub use compared::{Section, comparison};
 use lineage::Lineage;
 use maps::Maps;
 use source::Source;

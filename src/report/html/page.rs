@@ -5,6 +5,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::lineage::Lineage;
 use super::nodes;
 use crate::pipeline::event::Counts;
+use crate::report::again::again;
 use crate::report::amounts::seconds;
 use crate::report::bars::tally;
 use crate::report::viewer;
@@ -82,23 +83,6 @@ fn head(run: &Run) -> Markup {
     }
 }
 
-/// Returns the command that runs the same once more.
-fn again(run: &Run) -> String {
-    let asked = run.asked().flat_map(|(option, value)| [option, value]);
-    let words = ["trodden", "run", &run.file].into_iter().chain(asked);
-    words.map(quoted).collect::<Vec<_>>().join(" ")
-}
-
-/// Writes a word so that a shell reads it as it is.
-fn quoted(word: &str) -> String {
-    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./=:,+@%".contains(c);
-    if !word.is_empty() && word.chars().all(plain) {
-        word.to_owned()
-    } else {
-        format!("'{}'", word.replace('\'', "'\\''"))
-    }
-}
-
 /// Tells what failed, what is missing therefore, and what was odd.
 fn troubles(run: &Run) -> Markup {
     let failed: Vec<_> = run.nodes.iter().filter(|node| node.outcome == Outcome::Failed).collect();
@@ -129,27 +113,5 @@ fn troubles(run: &Run) -> Markup {
                 @for warning in &run.warnings { p { (warning) } }
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_command_runs_the_same_again() {
-        let check = |file: &str, sets: &[&str], only: &[&str], expected: &str| {
-            let words = |words: &[&str]| words.iter().map(|word| (*word).to_owned()).collect();
-            let run = Run { file: file.to_owned(), sets: words(sets), only: words(only), ..Run::default() };
-            assert_eq!(again(&run), expected);
-        };
-        check("a/b.yaml", &[], &[], "trodden run a/b.yaml");
-        check(
-            "my maps.yaml",
-            &["labels.classes=4", "crowd.agents=[1, 8]"],
-            &["labels/home_00"],
-            "trodden run 'my maps.yaml' --set labels.classes=4 --set 'crowd.agents=[1, 8]' --only labels/home_00",
-        );
-        check("it's.yaml", &["a=$HOME"], &[], r"trodden run 'it'\''s.yaml' --set 'a=$HOME'");
     }
 }

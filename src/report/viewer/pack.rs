@@ -185,7 +185,9 @@ fn raster<'a>(name: &'a str, picture: &'a Picture, free: &Grid<bool>, blob: &mut
             let classes = (1..=last).map(class).collect();
             RasterAbout { name, at, unit: "class", empty: unlabeled, coding: Coding::Class, least: 1.0, classes }
         }
-        Layer::Map(_) | Layer::Painted { .. } => unreachable!("a scene lays values and classes over its map"),
+        Layer::Map(_) | Layer::Changes { .. } | Layer::Painted { .. } => {
+            unreachable!("a scene lays values and classes over its map")
+        }
     }
 }
 
