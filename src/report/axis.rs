@@ -53,6 +53,17 @@ impl Axis {
         }
     }
 
+    /// Spans values from the least to the largest and a little beyond; both may be negative.
+    #[must_use]
+    pub fn around(values: impl Iterator<Item = f64>) -> Self {
+        let (least, most) = values
+            .filter(|value| value.is_finite())
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(least, most), value| (least.min(value), most.max(value)));
+        let (least, most) = if least <= most { (least, most) } else { (0.0, 1.0) };
+        let beyond = if most > least { 0.05 * (most - least) } else { (0.1 * most.abs()).max(1e-6) };
+        Self { low: least - beyond, high: most + beyond, scale: Scale::Linear }
+    }
+
     /// Returns where a value lies, from 0 at the low end to 1 at the high one.
     #[must_use]
     pub fn at(&self, value: f64) -> f64 {
@@ -123,6 +134,16 @@ pub fn number(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_axis_may_span_what_is_below_zero() {
+        let axis = Axis::around([-0.2, f64::NAN, 0.8].into_iter());
+        // Of 1.1 from −0.25 to 0.85, the least lies 0.05 up.
+        assert!((axis.at(-0.2) - 0.05 / 1.1).abs() < 1e-12 && (axis.at(0.8) - 1.05 / 1.1).abs() < 1e-12);
+        let one = Axis::around([3.0].into_iter());
+        assert!((one.at(3.0) - 0.5).abs() < 1e-12);
+        assert_eq!((Axis::around(std::iter::empty()).low, Axis::around(std::iter::empty()).high), (-0.05, 1.05));
+    }
 
     fn texts(axis: &Axis, count: usize) -> Vec<String> {
         axis.ticks(count).into_iter().map(|tick| tick.text).collect()

@@ -59,7 +59,7 @@ pub fn study(store: &Store, runs: &[Run], table: &StudyTable, front: Option<Fron
                             h2 { "Parallel coordinates" }
                             figure.wide {
                                 div.scroll { (PreEscaped(coordinates(table))) }
-                                figcaption { "A line a row; the color is that of the first figure, from the least to the most." }
+                                figcaption { "A line a row; the color is that of the first figure, from the least, which is dark, to the most." }
                             }
                         }
                     }
@@ -130,7 +130,7 @@ fn coordinate_of_setting(table: &StudyTable, at: usize) -> Coordinate {
 }
 
 fn coordinate_of_numbers(name: String, values: &[f64]) -> Coordinate {
-    let axis = Axis::of(values.iter().copied().filter(|value| value.is_finite()), Scale::Linear);
+    let axis = Axis::around(values.iter().copied());
     let at = values.iter().map(|value| value.is_finite().then(|| axis.at(*value))).collect();
     Coordinate { name, at, ticks: axis.ticks(5) }
 }
@@ -158,7 +158,8 @@ fn coordinates(table: &StudyTable) -> String {
             }
             after_gap = axis.at[row].is_none();
         }
-        let color = colors::hex(colors::value(tint.get(row).copied().flatten().unwrap_or(0.5)));
+        // The lightest colors are hard to see as lines.
+        let color = colors::hex(colors::value(0.85 * tint.get(row).copied().flatten().unwrap_or(0.5)));
         svg.path(&path, &format!("fill=\"none\" stroke=\"{color}\" stroke-width=\"1.6\" stroke-opacity=\"0.8\""));
     }
     for (number, axis) in axes.iter().enumerate() {
@@ -187,10 +188,7 @@ fn scatter(table: &StudyTable, front: Front) -> String {
     const WIDE: f64 = 420.0;
     const HIGH: f64 = 280.0;
     let (left, top) = (70.0, 16.0);
-    let [across, up] = front.figures.map(|figure| {
-        let values = table.rows.iter().map(|row| figure.of(row)).filter(|value| value.is_finite());
-        Axis::of(values, Scale::Linear)
-    });
+    let [across, up] = front.figures.map(|figure| Axis::around(table.rows.iter().map(|row| figure.of(row))));
     let best = Study::pareto(&table.rows, front.figures, front.larger);
     let mut svg = Svg::new(left + WIDE + 30.0, top + HIGH + 44.0);
     svg.rect([left, top, WIDE, HIGH], "class=\"frame\"");
@@ -243,7 +241,7 @@ fn pictures(store: &Store, runs: &[Run], table: &StudyTable) -> Markup {
         section id="pictures" {
             h2 { "Side by side" }
             p.muted { "The first row of each line of the table, as they stand there." }
-            div.grid { @for picture in drawn.into_iter().flatten() { (picture) } }
+            div.figures { @for picture in drawn.into_iter().flatten() { (picture) } }
         }
     }
 }
