@@ -10,6 +10,7 @@ mod kinds;
 mod maps;
 mod needs;
 mod oracle;
+mod own_crate;
 mod pipeline;
 mod pipelines;
 mod promises;

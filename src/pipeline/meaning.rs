@@ -123,7 +123,7 @@ mod tests {
             }
         }
         let model = NodeName::new("model", None);
-        names.extend([1, 2].map(|number| model.part_of(NodePart::Step(number))));
+        names.extend([1, 2].map(|number| model.step_of("epoch", number)));
         names.extend([model, NodeName::new("labels", Some("a[1]"))]);
         names
     }
