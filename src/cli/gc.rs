@@ -130,6 +130,7 @@ fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {
     line("recipes", &planned.recipes)?;
     line("temporary files", &planned.temporary)?;
     line("damaged files", &planned.damaged)?;
+    line("logs of commands", &planned.logs)?;
     line("files of runs without a record", &planned.runs)?;
     line("cached pictures of reports", &planned.cache)?;
     let kept = if planned.kept_runs.is_empty() { "no run".to_owned() } else { planned.kept_runs.join(", ") };
@@ -151,6 +152,7 @@ fn json(collected: &Collected, dry_run: bool) -> serde_json::Value {
         "temporary": part(&collected.temporary),
         "damaged": part(&collected.damaged),
         "runs": part(&collected.runs),
+        "logs": part(&collected.logs),
         "cache": part(&collected.cache),
         "kept": part(&collected.kept),
         "young": part(&collected.young),

@@ -53,6 +53,8 @@ pub struct Collected {
     pub temporary: Freed,
     /// What was set aside as damaged.
     pub damaged: Freed,
+    /// What commands printed while they made what is freed or was never made.
+    pub logs: Freed,
     /// Folders of runs that have no record.
     pub runs: Freed,
     /// What only saves drawing it again: the folder `cache`.
@@ -71,15 +73,15 @@ impl Collected {
     /// Returns the sum of everything freed, in bytes.
     #[must_use]
     pub const fn bytes(&self) -> u64 {
-        let Self { objects, recipes, temporary, damaged, runs, cache, .. } = self;
-        objects.bytes + recipes.bytes + temporary.bytes + damaged.bytes + runs.bytes + cache.bytes
+        let Self { objects, recipes, temporary, damaged, logs, runs, cache, .. } = self;
+        objects.bytes + recipes.bytes + temporary.bytes + damaged.bytes + logs.bytes + runs.bytes + cache.bytes
     }
 
     /// Returns the number of all files freed.
     #[must_use]
     pub const fn files(&self) -> u64 {
-        let Self { objects, recipes, temporary, damaged, runs, cache, .. } = self;
-        objects.files + recipes.files + temporary.files + damaged.files + runs.files + cache.files
+        let Self { objects, recipes, temporary, damaged, logs, runs, cache, .. } = self;
+        objects.files + recipes.files + temporary.files + damaged.files + logs.files + runs.files + cache.files
     }
 }
 
@@ -127,6 +129,7 @@ impl Store {
         self.reach_keys(pins.recipes, &mut reached);
         self.reach_set_aside(&|path| is_due(path, asked), &mut reached)?;
         self.collect_recipes(&mut reached, &mut collected, asked)?;
+        self.collect_logs(&reached, &mut collected, asked)?;
         let freed = self.collect_objects(&reached, &mut collected, asked)?;
         for folder in dead {
             self.collect_tree(&folder, &mut collected.temporary, asked.dry_run)?;
@@ -189,6 +192,20 @@ impl Store {
             }
         }
         reached.objects.append(&mut of_young.objects);
+        Ok(())
+    }
+
+    /// Frees logs of recipes that nobody has any more, failed ones included, once they are old enough.
+    fn collect_logs(&self, reached: &Reached, collected: &mut Collected, asked: &Collect) -> Result<(), StoreError> {
+        for entry in list_fanned(&self.root, "logs", ".txt")? {
+            let Some(key) = entry.digest.map(Key::new).filter(|_| entry.is_file) else { continue };
+            // A recipe that is freed only now, or only counted as such, is an old one.
+            let stays = reached.recipes.contains(&key) || !is_older(&self.recipe_path(&key), asked.older_than);
+            if !(stays && self.recipe_path(&key).exists()) && is_older(&entry.path, asked.older_than) {
+                collected.logs.add(entry.bytes);
+                self.remove(&entry.path, asked.dry_run)?;
+            }
+        }
         Ok(())
     }
 

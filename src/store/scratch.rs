@@ -82,8 +82,10 @@ impl Store {
 
 #[cfg(test)]
 mod tests {
-    use super::super::Digest;
-    use super::super::testing::store;
+    use std::time::Duration;
+
+    use super::super::testing::{record, store};
+    use super::super::{Collect, DAY, Digest};
     use super::*;
 
     #[test]
@@ -96,6 +98,29 @@ mod tests {
         let path = one.path().to_path_buf();
         drop(one);
         assert!(!path.exists() && other.path().is_dir());
+    }
+
+    #[test]
+    fn logs_go_with_their_recipes() {
+        let (_folder, store) = store();
+        let record = record(&store, "a");
+        let kept = record.recipe.key();
+        store.remember(&kept, &record).expect("writes");
+        let gone = Key::new(Digest::of(b"gone"));
+        let scratch = store.scratch().expect("makes");
+        for key in [kept, gone] {
+            let file = scratch.path().join("log");
+            fs::write(&file, "text").expect("writes");
+            store.keep_log(&key, &file).expect("keeps");
+        }
+        let collect = |older_than| {
+            let asked = Collect { older_than, ..Collect::default() };
+            store.collect(&asked).expect("collects").logs.files
+        };
+        // The recipe is pinned by the session that wrote it.
+        assert_eq!(collect(DAY), 0);
+        assert_eq!(collect(Duration::ZERO), 1);
+        assert!(store.log(&kept).expect("reads").is_some() && store.log(&gone).expect("reads").is_none());
     }
 
     #[test]

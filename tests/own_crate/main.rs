@@ -11,8 +11,8 @@ use std::sync::Arc;
 
 use serde_json::{Value, json};
 use trodden::pipeline::stage::{
-    Arity, Context, Entry, Inputs, KindSpec, KindType, Metric, Output, ParameterError, Part, Port, Register, Section,
-    Source, SourceNode, SourceType, Stage, StageError, StageSpec, Surroundings,
+    Arity, Context, Entry, Inputs, KindSpec, KindType, Metric, Output, ParameterError, Part, Port, Section, Source,
+    SourceNode, SourceType, Stage, StageError, StageSpec, Surroundings,
 };
 use trodden::store::{Artifact, Store};
 
