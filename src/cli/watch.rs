@@ -63,7 +63,7 @@ impl Args {
         let cancelled = Arc::new(AtomicBool::new(false));
         signals::listen(&cancelled);
         let stopped = || cancelled.load(Ordering::Relaxed);
-        let mut look = self.look(root)?;
+        let mut look = self.look(&Known::at(root)?)?;
         loop {
             match &look.pipeline {
                 Ok(pipeline) => {
@@ -95,11 +95,13 @@ impl Args {
 
     /// Waits until the files look otherwise and have settled; `None` if it is to stop.
     fn next(&self, now: &Look, root: &Path, stopped: &dyn Fn() -> bool) -> Result<Option<Look>, CliError> {
+        // One for all looks: it knows of files that have not changed without reading them.
+        let known = Known::at(root)?;
         loop {
             if !pause(EVERY, stopped) {
                 return Ok(None);
             }
-            let mut next = self.look(root)?;
+            let mut next = self.look(&known)?;
             if next.files == now.files {
                 continue;
             }
@@ -107,7 +109,7 @@ impl Args {
                 if !pause(SETTLED, stopped) {
                     return Ok(None);
                 }
-                let later = self.look(root)?;
+                let later = self.look(&known)?;
                 let settled = later.files == next.files;
                 next = later;
                 if settled {
@@ -121,8 +123,7 @@ impl Args {
     }
 
     /// Looks at the pipeline file and at all files that its nodes read.
-    fn look(&self, root: &Path) -> Result<Look, CliError> {
-        let known = Known::at(root)?;
+    fn look(&self, known: &Known) -> Result<Look, CliError> {
         let mut files = BTreeMap::new();
         let text = read_bounded(&self.pipeline.file, LARGEST).ok();
         files.insert(self.pipeline.file.clone(), text.map(|text| Digest::of(&text)));
