@@ -31,9 +31,9 @@ Examples:
   trodden run pipelines/quickstart.yaml --set walks.episodes=200 --set model.epochs=10
   trodden run pipelines/quickstart.yaml --only labels/home_03
   trodden run pipelines/quickstart.yaml --only '*/home_0?' --exclude walks/home_07
-  trodden run pipelines/quickstart.yaml --until labels         not the windows, the model and what follows
+  trodden run pipelines/quickstart.yaml --until labels         not the windows and what follows
   trodden run pipelines/quickstart.yaml --force heat           again, although it is on record
-  trodden run pipelines/quickstart.yaml --check 'labels/*'     are they what is on record, bit for bit?
+  trodden run pipelines/quickstart.yaml --check 'labels/*'     do the same bits come out?
   trodden run pipelines/quickstart.yaml --check-sample 5%      the same for one in twenty
   trodden run pipelines/quickstart.yaml --json | jq -r 'select(.outcome == \"ran\") | .node'
 

@@ -64,7 +64,7 @@ impl Args {
         let cancelled = Arc::new(AtomicBool::new(false));
         signals::listen(&cancelled);
         let stopped = || cancelled.load(Ordering::Relaxed);
-        let mut look = self.look(register, root)?;
+        let mut look = self.look(register, &Known::at(root)?)?;
         loop {
             match &look.pipeline {
                 Ok(pipeline) => {
@@ -101,11 +101,13 @@ impl Args {
         (register, root): (&Register, &Path),
         stopped: &dyn Fn() -> bool,
     ) -> Result<Option<Look>, CliError> {
+        // One for all looks: it knows of files that have not changed without reading them.
+        let known = Known::at(root)?;
         loop {
             if !pause(EVERY, stopped) {
                 return Ok(None);
             }
-            let mut next = self.look(register, root)?;
+            let mut next = self.look(register, &known)?;
             if next.files == now.files {
                 continue;
             }
@@ -113,7 +115,7 @@ impl Args {
                 if !pause(SETTLED, stopped) {
                     return Ok(None);
                 }
-                let later = self.look(register, root)?;
+                let later = self.look(register, &known)?;
                 let settled = later.files == next.files;
                 next = later;
                 if settled {
@@ -127,8 +129,7 @@ impl Args {
     }
 
     /// Looks at the pipeline file and at all files that its nodes read.
-    fn look(&self, register: &Register, root: &Path) -> Result<Look, CliError> {
-        let known = Known::at(root)?;
+    fn look(&self, register: &Register, known: &Known) -> Result<Look, CliError> {
         let mut files = BTreeMap::new();
         let text = read_bounded(&self.pipeline.file, LARGEST).ok();
         files.insert(self.pipeline.file.clone(), text.map(|text| Digest::of(&text)));

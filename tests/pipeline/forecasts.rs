@@ -26,16 +26,18 @@ fn a_second_run_takes_what_was_foreseen() {
     let sets = ["labels.classes=4"];
     let found = of(&place, &sets, 2);
     assert_eq!(found.unknown, []);
-    // Five labels of 0.1 s, two beside each other, and three steps of 0.06 s one after the other.
+    // Five labels of 0.1 s and three steps of 0.06 s one after the other, which wait for the first three labels: on two jobs
+    // those take 0.2 s.
     let least = 5.0 * 0.1 + 3.0 * 0.06;
-    assert!(found.work_s >= least && found.critical_s >= 0.1 + 0.18 && found.wall_s >= 0.3 + 0.18, "{found:?}");
+    assert!(found.work_s >= least && found.critical_s >= 0.1 + 0.18 && found.wall_s >= 0.2 + 0.18, "{found:?}");
     assert!(found.tasks.iter().flatten().all(|estimate| estimate.basis == Basis::Node(1)));
     let seen = place.run(&pipeline(HOMES, &[&WAITS[..], &sets].concat()));
     let foreseen = seen.report.run.foreseen.clone().expect("was recorded");
     assert!((foreseen.wall_s / found.wall_s - 1.0).abs() < 1e-6 && foreseen.unknown == 0, "{foreseen:?} {found:?}");
     let off = errors(&place.store.runs().expect("lists"), |_| true, 3);
     assert_eq!(off, [seen.report.run.wall_s / foreseen.wall_s]);
-    assert!((0.5..2.0).contains(&off[0]), "{off:?}");
+    // Waits make up most of either; a busy machine may add to one of them.
+    assert!((0.2..5.0).contains(&off[0]), "{off:?}");
 }
 
 #[test]

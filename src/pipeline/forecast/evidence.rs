@@ -83,7 +83,9 @@ pub(super) fn gather(store: &Store, pipeline: &Pipeline, plan: &Plan, work: &[Wo
             gathered.artifacts = artifacts(&run);
         }
     }
-    gathered.observations.extend(hits(plan, work));
+    // Of what a run that was read has made, the record tells the same once more.
+    let observed: BTreeSet<NodeName> = gathered.observations.iter().map(|other| other.name.clone()).collect();
+    gathered.observations.extend(hits(plan, work).into_iter().filter(|other| !observed.contains(&other.name)));
     gathered.observations.extend(remembered(store, pipeline, &names, &path)?);
     groups.retain(|group| !gathered.observations.iter().any(|other| other.group == *group));
     for summary in others.iter().take(OTHER_RUNS) {

@@ -105,5 +105,4 @@ pub fn errors(runs: &[RunSummary], of: impl Fn(&RunSummary) -> bool, most: usize
 }
 
 #[cfg(test)]
-#[path = "tests.rs"]
 mod tests;
