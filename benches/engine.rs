@@ -1,4 +1,5 @@
-//! How fast the engine decides: planning and running when nothing is to be done, and foreseeing when all is, at 30, 300 and 10,000 nodes.
+//! How fast the engine decides: planning and running when nothing is to be done, and foreseeing when all is, at 30, 300 and 10,000 nodes;
+//! and planning a thousand variants.
 
 #[path = "../tests/pipeline/toy.rs"]
 mod toy;
@@ -66,5 +67,30 @@ fn engine(criterion: &mut Criterion) {
     group.finish();
 }
 
-criterion_group!(benches, engine);
+/// Variants over a shared prefix: everything up to the table once, then a model, a heat and a score for each seed.
+fn sweeps(criterion: &mut Criterion) {
+    let folder = tempfile::tempdir().expect("there is room for a folder");
+    let store = Store::open(folder.path()).expect("a new store opens");
+    let text = "maps: { all: { homes: { count: 30 } } }\nstages:\n  walks: { use: walk, map: $maps }\n  \
+                counts: { use: count, map: $maps, walks: walks }\n  labels: { use: label, counts: counts }\n  \
+                table: { use: join, maps: $maps, labels: labels }\n  model: { use: train, table: table }\n  \
+                heat: { use: heat, map: $maps, model: model }\n";
+    let (variables, register) = (BTreeMap::new(), toy::register());
+    let mut group = criterion.benchmark_group("a sweep");
+    group.sample_size(10);
+    for variants in [10, 1000] {
+        let axes = [format!("model.seed=1..{variants}")];
+        let request = Request::new(Path::new("bench.yaml"), &[], &variables, &register);
+        let request = Request { axes: &axes, ..request };
+        let swept = || spec::parse(text, &request).expect("the pipeline is right");
+        assert_eq!(swept().variants.len(), variants);
+        group.bench_function(BenchmarkId::new("read", variants), |bencher| bencher.iter(swept));
+        group.bench_function(BenchmarkId::new("plan", variants), |bencher| {
+            bencher.iter(|| plan(&swept(), &store, &Selection::default()).expect("the store can be read"));
+        });
+    }
+    group.finish();
+}
+
+criterion_group!(benches, engine, sweeps);
 criterion_main!(benches);
