@@ -33,7 +33,7 @@ pub struct Args {
     of: String,
     #[command(flatten)]
     run: OfRun,
-    /// List the chunks and epochs of a node, too; graphs show each by itself.
+    /// List the chunks and steps of a node, too; graphs show each by itself.
     #[arg(long)]
     parts: bool,
     /// Show all members of a group, rather than one of those that were made alike.

@@ -27,7 +27,7 @@ pub struct Args {
     /// Of this run: its id, the beginning of it, a tag, or `latest`.
     #[arg(long, value_name = "ID")]
     run: Option<String>,
-    /// Chunks and epochs too.
+    /// Chunks and steps too.
     #[arg(long, short)]
     all: bool,
     /// List runs instead.

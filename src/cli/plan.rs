@@ -37,7 +37,7 @@ pub struct Args {
     pipeline: PipelineArgs,
     #[command(flatten)]
     selection: SelectionArgs,
-    /// Chunks and epochs too.
+    /// Chunks and steps too.
     #[arg(long, short)]
     all: bool,
     /// Foresee how long it takes and how much it writes, from what is on record.
@@ -127,7 +127,7 @@ fn print(plan: &Plan, cost: Option<&Cost>, all: bool, screen: &Screen) -> Result
     let cells: &[&str] = if cost.is_some() { &HEADER } else { &[] };
     screen.line(columns(&[&["node", "stage", "state"], cells, &["why"]].concat(), &rows))?;
     screen.line(format!(
-        "{} to run, {} depend on what comes out, {} in the store (chunks and epochs included)",
+        "{} to run, {} depend on what comes out, {} in the store (chunks and steps included)",
         counts.run, counts.depends, counts.hit
     ))?;
     cost.map_or(Ok(()), |cost| cost.lines().iter().try_for_each(|line| screen.line(line)))

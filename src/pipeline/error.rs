@@ -23,7 +23,7 @@ pub enum PipelineError {
     #[error(transparent)]
     Spec(#[from] SpecError),
     /// There is more to do than can be planned.
-    #[error("the pipeline has {tasks} nodes, chunks and epochs included; at most {most} can be planned")]
+    #[error("the pipeline has {tasks} nodes, chunks and steps included; at most {most} can be planned")]
     TooLarge { tasks: u64, most: usize },
     /// A name given by the user is no node, stage or part of the pipeline.
     #[error("unknown node `{name}`")]
@@ -80,7 +80,7 @@ impl PipelineError {
             }
             Self::NotAsked { .. } => Some("ask for it, or do not force it".to_owned()),
             Self::TooLarge { .. } => Some(
-                "ask for fewer maps, episodes or epochs, or split them between pipelines over one store".to_owned(),
+                "ask for fewer members, chunks or steps, or split them between pipelines over one store".to_owned(),
             ),
             Self::Sources { source: StageError::Failed { help, .. }, .. } => help.clone(),
             Self::Sources { source: StageError::Store(error), .. } | Self::Store(error) => error.help(),

@@ -20,7 +20,7 @@ pub enum Event {
         pipeline: String,
         /// The pipeline's file as it was named.
         file: String,
-        /// How many nodes, chunks and epochs there are.
+        /// How many nodes, chunks and steps there are.
         nodes: usize,
     },
     /// A node begins to run.
@@ -111,7 +111,7 @@ pub enum Event {
     },
 }
 
-/// How many nodes, chunks and epochs ended in each way.
+/// How many nodes, chunks and steps ended in each way.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Counts {
     /// Nodes that ran.
@@ -173,7 +173,7 @@ pub struct RunState {
     pub id: String,
     /// Name of the pipeline.
     pub pipeline: String,
-    /// How many nodes, chunks and epochs there are.
+    /// How many nodes, chunks and steps there are.
     pub nodes: usize,
     /// How many nodes fared how so far.
     pub counts: Counts,
@@ -234,7 +234,7 @@ impl RunState {
         }
     }
 
-    /// Returns how many nodes, chunks and epochs are done with.
+    /// Returns how many nodes, chunks and steps are done with.
     #[must_use]
     pub const fn done(&self) -> usize {
         self.counts.total()

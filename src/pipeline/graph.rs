@@ -73,7 +73,7 @@ impl Feed {
 
 /// The tasks of a node.
 struct Made {
-    /// The map's name, if the node is made for one.
+    /// The member's name, if the node is made for one.
     member: Option<Arc<str>>,
     parts: Vec<(Arc<str>, usize)>,
     last: usize,

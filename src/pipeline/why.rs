@@ -123,7 +123,7 @@ pub fn of_run(
     Ok(shortened(answers, name))
 }
 
-/// Leaves out chunks and epochs that have nothing to say, unless one is asked for by name.
+/// Leaves out chunks and steps that have nothing to say, unless one is asked for by name.
 fn shortened(answers: Vec<(Role, Why)>, name: &str) -> Vec<Why> {
     let quiet = |why: &Why| why.lines.iter().all(|line| line == "nothing changed");
     answers

@@ -63,7 +63,7 @@ pub struct RunSummary {
     /// The names that it was given.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub tags: Vec<String>,
-    /// How many nodes, chunks and epochs there were of each outcome.
+    /// How many nodes, chunks and steps there were of each outcome.
     pub ran: u64,
     /// Nodes that were in the store.
     pub hit: u64,

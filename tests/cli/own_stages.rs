@@ -282,6 +282,27 @@ fn what_a_command_makes_feeds_stages_of_ours() {
 }
 
 #[test]
+fn an_audit_finds_commands_that_are_not_deterministic() {
+    let place = place();
+    place.write(
+        "one.yaml",
+        "stages:
+  odd: { use: command, run: [sh, -c, 'cat /proc/sys/kernel/random/uuid >{output}/a'], output: files }
+  even: { use: command, run: [sh, -c, 'echo same >{output}/a'], output: files }
+",
+    );
+    place.out(&["run", "one.yaml", "-q"]);
+    let uuid = || std::fs::read(place.path("artifacts/latest/one/odd/a")).expect("is there");
+    let before = uuid();
+    let said = place.run(&["run", "one.yaml", "--check", "*"]);
+    assert_eq!(said.code, Some(1), "{}{}", said.out, said.err);
+    assert!(said.err.contains("odd") && !said.err.contains("`even`"), "{}", said.err);
+    // It was made beside, and nothing took the place of what is on record.
+    assert_eq!(uuid(), before);
+    place.out(&["run", "one.yaml", "--check", "even"]);
+}
+
+#[test]
 fn what_is_wrong_with_a_command_is_said_before_it_runs() {
     let place = place();
     let check = |stage: &str, expected: &[&str]| {

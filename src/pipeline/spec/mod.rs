@@ -1,6 +1,6 @@
 //! The pipeline file: YAML in, a checked graph of nodes out.
 //!
-//! Nothing runs and no store is asked: names, ports, kinds, members and cycles are checked here, parameters and map sources by
+//! Nothing runs and no store is asked: names, ports, kinds, members and cycles are checked here, parameters and sources by
 //! the register. [`load`] reports everything it finds wrong, each with its place in the file.
 
 mod connect;

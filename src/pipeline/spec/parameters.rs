@@ -15,7 +15,7 @@ pub(super) struct Refused<'a> {
     pub members: &'a [&'a Member],
     /// Where the mapping is, for what has no better place.
     pub at: Span,
-    /// Who has these parameters: a use of a stage, or a source of maps.
+    /// Who has these parameters: a use of a stage, or a source.
     pub owner: &'a str,
     /// The other keys that the mapping may have.
     pub more: &'a [&'a str],

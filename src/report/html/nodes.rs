@@ -107,7 +107,7 @@ pub(super) fn section(lineage: &Lineage<'_>) -> Markup {
                     li { i.ran {} "ran" } li { i.hit {} "hit: was in the store" } li { i.bad {} "failed" } li { i.left {} "skipped" }
                 }
                 figcaption {
-                    "The stages, with the outcomes of their nodes, chunks and epochs and the time that these took, added up. "
+                    "The stages, with the outcomes of their nodes, chunks and steps and the time that these took, added up. "
                     "An arrow that others imply is left out."
                 }
             }
