@@ -68,6 +68,8 @@ fn filled(count: usize) -> Filled {
         key: Some(*key),
         artifact: Some(artifact.clone()),
         wall_s: 0.0,
+        pulled: None,
+        absent: false,
         inputs: vec![format!("maps/home_{:03}", number / 10)],
         error: None,
     });

@@ -74,6 +74,8 @@ impl Maker {
             key: None,
             artifact: Some(artifact),
             wall_s: 0.125,
+            pulled: None,
+            absent: false,
             inputs: inputs.iter().map(|input| (*input).to_owned()).collect(),
             error: None,
         });

@@ -43,6 +43,8 @@ pub(super) fn node(name: &str, artifact: &Artifact, key: Key) -> RunNode {
         key: Some(key),
         artifact: Some(artifact.clone()),
         wall_s: 0.25,
+        pulled: None,
+        absent: false,
         inputs: vec!["visits".to_owned()],
         error: None,
     }
