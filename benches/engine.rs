@@ -28,7 +28,8 @@ fn pipeline(maps: usize) -> Pipeline {
 
 fn engine(criterion: &mut Criterion) {
     static NEVER: AtomicBool = AtomicBool::new(false);
-    let options = Options { jobs: 2, memory: 1 << 30, keep_going: false, only: Vec::new(), cancelled: &NEVER };
+    let options =
+        Options { jobs: 2, memory: 1 << 30, keep_going: false, only: Vec::new(), remote: None, cancelled: &NEVER };
     let mut group = criterion.benchmark_group("nothing to do");
     group.sample_size(10);
     for nodes in [30, 300, 10_000] {

@@ -234,7 +234,10 @@ impl Task {
 }
 
 /// Returns the positions of the names that a user means by one: of a task, a node with its parts, or all nodes of a stage.
-pub(crate) fn find_named(names: &[&NodeName], name: &str) -> Result<Vec<usize>, PipelineError> {
+///
+/// # Errors
+/// If it means none.
+pub fn find_named(names: &[&NodeName], name: &str) -> Result<Vec<usize>, PipelineError> {
     let found: Vec<usize> = (0..names.len()).filter(|position| names[*position].is_meant_by(name)).collect();
     if found.is_empty() {
         let help = suggest::node(name, names.iter().copied());

@@ -24,6 +24,19 @@ pub fn schema(register: &Register) -> Value {
                 "description": "Name of the pipeline; by default that of its file."
             },
             "seed": seed_schema("What every stage that draws random numbers starts from, unless it names a seed of its own [0]."),
+            "store": {
+                "type": "object",
+                "description": "A store elsewhere that others use as well; no result depends on it.",
+                "properties": {
+                    "remote": {
+                        "type": "string",
+                        "description": "`s3://bucket/prefix`, `gs://…`, `az://…`, or a folder beside this file."
+                    },
+                    "read_only": { "type": "boolean", "description": "Whether nothing is given to it [false]." }
+                },
+                "required": ["remote"],
+                "additionalProperties": false
+            },
             "maps": {
                 "type": "object",
                 "description": "Named groups of maps, for `$maps.GROUP`; `$maps` are all of them.",

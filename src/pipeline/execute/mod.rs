@@ -5,11 +5,13 @@
 //! process makes is put aside and looked up again.
 
 mod clock;
+mod exchange;
 mod options;
 mod record;
 mod recorder;
 mod run_report;
 mod scheduler;
+mod transfers;
 mod worker;
 
 use super::error::PipelineError;
@@ -38,7 +40,7 @@ pub fn execute(
 ) -> Result<RunReport, PipelineError> {
     let begun = clock::Begun::now();
     let graph = Graph::new(pipeline)?;
-    let ledger = Ledger::new(&graph, store, &options.only, false)?;
+    let ledger = Ledger::new(&graph, store, &options.only, (false, options.remote.is_some()))?;
     let recorder = recorder::Recorder::new(store, pipeline, options, begun);
     let mut scheduler = scheduler::Scheduler::new(store, options, ledger, recorder, sink);
     scheduler.begin();

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::AtomicBool;
 
+use crate::store::Peer;
+
 /// How to run.
 #[derive(Debug, Clone)]
 pub struct Options<'a> {
@@ -13,6 +15,8 @@ pub struct Options<'a> {
     pub keep_going: bool,
     /// Nodes, stages or parts; only these and what they need are run. Everything if there are none.
     pub only: Vec<String>,
+    /// A store elsewhere that is asked for what would have to be made, and given what was.
+    pub remote: Option<&'a dyn Peer>,
     /// Set from outside to stop at the next safe point.
     pub cancelled: &'a AtomicBool,
 }

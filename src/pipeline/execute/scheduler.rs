@@ -7,6 +7,7 @@ use std::thread::{Builder, Scope};
 use std::time::{Duration, Instant};
 
 use super::recorder::Recorder;
+use super::transfers::{Exchange, Pool};
 use super::worker::{Assignment, Made, Message, Trouble, inputs};
 use super::{Failure, Options};
 use crate::pipeline::error::PipelineError;
@@ -14,7 +15,7 @@ use crate::pipeline::event::{Counts, Event};
 use crate::pipeline::graph::Work;
 use crate::pipeline::ledger::{Ledger, Status};
 use crate::pipeline::stage::Needs;
-use crate::store::{Damage, Damaged, Outcome, Store, StoreError};
+use crate::store::{Damage, Damaged, Outcome, Peer, Store, StoreError};
 
 /// How often a request to stop is looked for.
 const LISTEN: Duration = Duration::from_millis(50);
@@ -36,7 +37,7 @@ pub(super) struct End {
 /// The state of a run.
 pub(super) struct Scheduler<'a> {
     store: &'a Store,
-    options: &'a Options<'a>,
+    pub options: &'a Options<'a>,
     pub ledger: Ledger<'a>,
     pub recorder: Recorder<'a>,
     pub sink: &'a mut dyn FnMut(&Event),
@@ -56,6 +57,7 @@ pub(super) struct Scheduler<'a> {
     pub warnings: Vec<String>,
     /// Whether nothing new is started any more.
     stopping: bool,
+    pub exchange: Exchange,
 }
 
 impl<'a> Scheduler<'a> {
@@ -67,6 +69,7 @@ impl<'a> Scheduler<'a> {
         sink: &'a mut dyn FnMut(&Event),
     ) -> Self {
         let ends = ledger.status.iter().map(|_| None).collect();
+        let exchange = Exchange::new(ledger.status.len());
         Self {
             store,
             options,
@@ -84,6 +87,7 @@ impl<'a> Scheduler<'a> {
             failures: Vec::new(),
             warnings: Vec::new(),
             stopping: false,
+            exchange,
         }
     }
 
@@ -113,26 +117,56 @@ impl<'a> Scheduler<'a> {
     /// Runs until nothing is left that can run.
     pub(super) fn run(&mut self) -> Result<(), PipelineError> {
         let (sender, receiver) = channel();
+        let pool = Pool::default();
         std::thread::scope(|scope| {
-            loop {
-                self.settle();
-                self.stopping |= self.is_cancelled();
-                if self.stopping {
-                    self.ready.clear();
-                    self.aside.clear();
-                } else if self.start(scope, &sender)? {
-                    continue;
+            let done = loop {
+                match self.turn(scope, &pool, (&sender, &receiver)) {
+                    Ok(true) => {}
+                    Ok(false) => break Ok(()),
+                    Err(error) => break Err(error),
                 }
-                if self.running.is_empty() && self.ready.is_empty() && self.aside.is_empty() {
-                    break Ok::<(), PipelineError>(());
-                }
-                self.listen(&receiver);
-                self.update_record();
-            }
+            };
+            pool.close();
+            done
         })?;
         self.settle();
         self.sweep();
         Ok(())
+    }
+
+    /// Starts what can start and waits for what happens next; returns whether anything is left to wait for.
+    fn turn<'scope>(
+        &mut self,
+        scope: &'scope Scope<'scope, '_>,
+        pool: &'scope Pool,
+        (sender, receiver): (&Sender<Message>, &Receiver<Message>),
+    ) -> Result<bool, PipelineError>
+    where
+        'a: 'scope,
+    {
+        self.settle();
+        self.stopping |= self.is_cancelled();
+        if self.stopping {
+            self.ready.clear();
+            self.aside.clear();
+            self.give_up(pool);
+        }
+        self.dispatch(scope, pool, sender)?;
+        if !self.stopping && self.start(scope, sender)? {
+            return Ok(true);
+        }
+        let idle = self.running.is_empty() && self.ready.is_empty() && self.aside.is_empty();
+        if idle && self.exchange.is_idle() {
+            return Ok(false);
+        }
+        self.listen(receiver);
+        self.update_record();
+        Ok(true)
+    }
+
+    /// Lets a task that must run start as soon as there is room.
+    pub(super) fn make_ready(&mut self, task: usize) {
+        self.ready.insert(task);
     }
 
     /// Takes note of all tasks whose inputs have become known.
@@ -141,10 +175,15 @@ impl<'a> Scheduler<'a> {
             match self.ledger.status[task] {
                 Status::Hit => self.end(task, Outcome::Hit, 0.0, None, None),
                 Status::Todo(_) => {
-                    self.ready.insert(task);
+                    self.look_for_others(task);
+                    self.make_ready(task);
                 }
+                Status::Asking(_) => self.exchange.asks.push(task),
                 _ => {}
             }
+        }
+        for news in self.options.remote.map(Peer::news).unwrap_or_default() {
+            self.warn(None, news);
         }
         for damage in self.store.take_damages() {
             self.warn(None, damage_text(&damage));
@@ -262,6 +301,7 @@ impl<'a> Scheduler<'a> {
                     (self.sink)(&Event::Progress { node, done, total });
                 }
                 Message::Odd { task, message } => self.warn(Some(task), message),
+                Message::Moved(moved) => self.moved(moved),
                 Message::Ended { task, wall_s, result } => {
                     self.running.remove(&task);
                     self.try_again.1 = SOON;
@@ -284,10 +324,11 @@ impl<'a> Scheduler<'a> {
             self.warn(Some(task), message);
         }
         self.ledger.finish(task, made.artifact, true);
+        self.give(task);
         self.end(task, Outcome::Ran, wall_s, None, None);
     }
 
-    fn fail(&mut self, task: usize, wall_s: f64, trouble: Trouble) {
+    pub(super) fn fail(&mut self, task: usize, wall_s: f64, trouble: Trouble) {
         let (message, help, damaged) = match trouble {
             Trouble::Cancelled if self.is_cancelled() => {
                 self.ledger.status[task] = Status::Skipped;
@@ -320,10 +361,18 @@ impl<'a> Scheduler<'a> {
         }
     }
 
-    fn end(&mut self, task: usize, outcome: Outcome, wall_s: f64, error: Option<String>, help: Option<String>) {
+    pub(super) fn end(
+        &mut self,
+        task: usize,
+        outcome: Outcome,
+        wall_s: f64,
+        error: Option<String>,
+        help: Option<String>,
+    ) {
         let (of, node) = (&self.ledger.graph.tasks[task], self.ledger.graph.node(task));
         let made = matches!(outcome, Outcome::Ran | Outcome::Hit);
         let digest = self.ledger.artifacts[task].as_ref().filter(|_| made).map(|artifact| artifact.digest);
+        let pulled = self.exchange.pulled[task].filter(|_| outcome == Outcome::Hit);
         // Before anybody is told: what is told to be done is not lost.
         if let Some(key) = self.ledger.keys[task].filter(|_| made) {
             self.recorder.note(task, &key);
@@ -336,10 +385,12 @@ impl<'a> Scheduler<'a> {
             stage: node.spec.name.to_owned(),
             kind: node.spec.output.name.to_owned(),
             wall_s,
+            pulled,
             error: error.clone(),
             help,
         });
         self.counts.add(outcome);
+        self.counts.pulled += usize::from(pulled.is_some());
         self.ends[task] = Some(End { outcome, wall_s, error });
     }
 

@@ -9,6 +9,7 @@ use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 use super::clock::timestamp;
+use super::transfers::Moved;
 use crate::pipeline::error::causes;
 use crate::pipeline::graph::{Origin, Task, Work};
 use crate::pipeline::ledger::{Ledger, Sources};
@@ -22,6 +23,7 @@ const EVERY_MS: u64 = 100;
 pub(super) enum Message {
     Progress { task: usize, done: u64, total: u64 },
     Odd { task: usize, message: String },
+    Moved(Moved),
     Ended { task: usize, wall_s: f64, result: Result<Made, Trouble> },
 }
 

@@ -8,16 +8,17 @@ use serde_json::Value;
 
 use super::reference::Reference;
 use super::tree::{Data, Member, Tree, object};
-use super::{Request, names, parameters, suggest};
+use super::{RemoteStore, Request, names, parameters, remote, suggest};
 use crate::pipeline::error::{Problem, Span};
 use crate::pipeline::stage::{Arity, Division, Entry, MapNode, MapSource, ParameterError, Port, Register, Stage};
 
-const KEYS: [&str; 4] = ["name", "seed", "maps", "stages"];
+const KEYS: [&str; 5] = ["name", "seed", "store", "maps", "stages"];
 
 /// What the file declares.
 pub(super) struct Declared {
     pub name: Option<String>,
     pub seed: u64,
+    pub remote: Option<RemoteStore>,
     pub groups: Vec<Group>,
     pub stages: Vec<Use>,
 }
@@ -61,6 +62,7 @@ pub(super) fn read(tree: &Tree, request: &Request) -> Result<Declared, Vec<Probl
     }
     let name = tree.get("name").and_then(|member| keep(read_name(member), &mut problems));
     let seed = tree.get("seed").and_then(|member| keep(read_seed(&member.value), &mut problems)).unwrap_or(0);
+    let remote = tree.get("store").and_then(|member| remote::read(&member.value, &mut problems));
     let folder = request.file.parent().unwrap_or_else(|| Path::new(""));
     let groups = match tree.get("maps") {
         Some(member) => read_maps(&member.value, folder, request.register, &mut problems),
@@ -75,7 +77,7 @@ pub(super) fn read(tree: &Tree, request: &Request) -> Result<Declared, Vec<Probl
         }
         None => Vec::new(),
     };
-    if problems.is_empty() { Ok(Declared { name, seed, groups, stages }) } else { Err(problems) }
+    if problems.is_empty() { Ok(Declared { name, seed, remote, groups, stages }) } else { Err(problems) }
 }
 
 fn start_of(span: Span) -> Span {

@@ -10,6 +10,7 @@ mod overrides;
 mod parameters;
 mod pipeline;
 mod reference;
+mod remote;
 mod request;
 mod scalar;
 pub(crate) mod suggest;
@@ -25,7 +26,7 @@ use super::stage::StageError;
 use crate::store::{open_regular, read_bounded};
 
 pub(crate) use pipeline::MOST_TASKS;
-pub use pipeline::{Connection, MapGroup, Node, Pipeline, Wire};
+pub use pipeline::{Connection, MapGroup, Node, Pipeline, RemoteStore, Wire};
 pub use request::Request;
 
 /// The largest pipeline file: far more than anybody writes, and no more than can be checked in a moment.
@@ -93,7 +94,7 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
             format!("`{}`, the name of the file, cannot be that of the pipeline: {fault}", names::shown(&name));
         return Err(vec![Problem::new(Span::default(), message).with_help("rename the file, or give it a `name:`")]);
     }
-    let seed = declared.seed;
+    let (seed, remote) = (declared.seed, declared.remote.clone());
     let (groups, nodes) = connect::connect(declared)?;
     if nodes.len() > MOST_TASKS {
         return Err(vec![too_many(nodes.len(), "nodes")]);
@@ -105,6 +106,7 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         sets: request.sets.to_vec(),
         source: settings + text,
         seed,
+        remote,
         groups,
         nodes,
     })

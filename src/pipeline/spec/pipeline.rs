@@ -22,10 +22,21 @@ pub struct Pipeline {
     pub source: String,
     /// The seed of all nodes that name none of their own.
     pub seed: u64,
+    /// The store elsewhere that the file names.
+    pub remote: Option<RemoteStore>,
     /// The groups of maps, in order of the file.
     pub groups: Vec<MapGroup>,
     /// All nodes; every node stands after those that it reads.
     pub nodes: Vec<Node>,
+}
+
+/// A store elsewhere, as a pipeline file names it; no key depends on it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RemoteStore {
+    /// Its address; a relative folder lies beside the file.
+    pub address: String,
+    /// Whether nothing is given to it.
+    pub read_only: bool,
 }
 
 /// A named group of maps.
