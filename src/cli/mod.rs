@@ -22,6 +22,9 @@ mod out_folder;
 mod paths;
 mod plan;
 mod plan_path;
+mod pull;
+mod push;
+mod remote_args;
 mod report;
 mod request;
 mod run;
@@ -34,6 +37,7 @@ mod simulate;
 mod sql;
 mod status;
 mod track_args;
+mod transfer;
 mod verify;
 mod why;
 
@@ -102,6 +106,10 @@ enum Command {
     Keep(keep::Args),
     /// Remove what no run needs any more.
     Gc(gc::Args),
+    /// Give results to a shared store.
+    Push(push::Args),
+    /// Bring results here from a shared store.
+    Pull(pull::Args),
     /// Read everything in the store and name what is damaged.
     Verify(verify::Args),
     /// Check a pipeline file without running it.
@@ -180,6 +188,8 @@ fn dispatch(cli: &Cli, screen: &Screen) -> Result<ExitCode, CliError> {
         Command::Report(args) => args.run(store, screen),
         Command::Keep(args) => args.run(store, screen),
         Command::Gc(args) => args.run(store, screen),
+        Command::Push(args) => args.run(store, screen),
+        Command::Pull(args) => args.run(store, screen),
         Command::Verify(args) => args.run(store, screen),
         Command::Check(args) => args.run(screen),
         Command::Schema(args) => args.run(screen),

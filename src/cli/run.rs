@@ -9,14 +9,17 @@ use serde::Serialize;
 
 use super::error::CliError;
 use super::plan::print_plan;
+use super::remote_args::RemoteArgs;
 use super::request::PipelineArgs;
-use super::screen::Screen;
+use super::screen::{Screen, bytes};
 use super::signals;
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute};
+use crate::pipeline::spec::Pipeline;
+use crate::remote::Remote;
 use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
-use crate::store::{RunStatus, Store};
+use crate::store::{Peer, Run, RunStatus, Store};
 
 /// Arguments of `run`.
 #[derive(Debug, clap::Args)]
@@ -51,6 +54,11 @@ pub struct Args {
     /// Print no progress.
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    remote: RemoteArgs,
+    /// Fail if the shared store is away, in the place of going on without it.
+    #[arg(long, conflicts_with = "no_remote")]
+    remote_required: bool,
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -63,10 +71,11 @@ fn positive(text: &str) -> Result<f64, String> {
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.pipeline.load()?;
-        if self.dry_run {
-            return print_plan(&pipeline, store, &self.only, false, screen);
-        }
         let cancelled = Arc::new(AtomicBool::new(false));
+        let remote = self.open_remote(&pipeline, &cancelled)?;
+        if self.dry_run {
+            return print_plan(&pipeline, store, (&self.only, false), remote.as_ref(), screen);
+        }
         signals::listen(&cancelled);
         let store = Store::open_until(store, &cancelled)?;
         let options = Options {
@@ -74,6 +83,7 @@ impl Args {
             memory: self.memory.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64),
             keep_going: self.keep_going,
             only: self.only.clone(),
+            remote: remote.as_ref().map(|remote| remote as &dyn Peer),
             cancelled: &cancelled,
         };
         let style = match (screen.json(), self.quiet, screen.color()) {
@@ -91,6 +101,7 @@ impl Args {
         if self.keep {
             store.mark_keep(&report.run.id, true)?;
         }
+        let shared = remote.as_ref().map_or(Ok(()), |remote| self.conclude(remote, &report, screen));
         // A run with nothing to do has nothing new to show.
         let page = match store.share_report(&report.run) {
             Some(path) => Ok(path),
@@ -118,9 +129,55 @@ impl Args {
             }
             return Ok(code);
         }
+        shared?;
         bars.take_failure().map_or(told, |failure| Err(CliError::output(failure)))?;
         page.map_err(|error| CliError::Unreported { message: error.message(), help: error.help() })?;
         Ok(code)
+    }
+}
+
+impl Args {
+    fn open_remote(&self, pipeline: &Pipeline, stop: &Arc<AtomicBool>) -> Result<Option<Remote>, CliError> {
+        if !self.remote_required {
+            return self.remote.open(Some(pipeline), stop);
+        }
+        let remote = self.remote.need(Some(pipeline), stop)?;
+        remote.check()?;
+        Ok(Some(remote))
+    }
+
+    /// Gives the record of a run that gave something to the shared store, and says what did not get there.
+    fn conclude(&self, remote: &Remote, report: &RunReport, screen: &Screen) -> Result<(), CliError> {
+        let traffic = report.shared.unwrap_or_default();
+        let record = if traffic.pushed > 0 && report.run.status.is_ended() && remote.trouble().is_none() {
+            remote.give_run(&Run { keep: self.keep, ..report.run.clone() })
+        } else {
+            Ok(())
+        };
+        if !screen.json() && !self.quiet && (traffic.pulled > 0 || traffic.pushed > 0) {
+            screen.remark(format!(
+                "shared store {}: {} pulled ({}), {} pushed ({})",
+                remote.address(),
+                traffic.pulled,
+                bytes(traffic.pulled_bytes),
+                traffic.pushed,
+                bytes(traffic.pushed_bytes)
+            ));
+        }
+        for news in remote.take_news() {
+            screen.remark(format!("warning: {news}"));
+        }
+        if traffic.unpushed > 0 {
+            screen.remark(format!(
+                "{} results did not get into the shared store; `trodden push {}` gives them to it later",
+                traffic.unpushed, report.run.file
+            ));
+        }
+        match remote.trouble() {
+            Some(trouble) if self.remote_required => Err(trouble.into()),
+            None if self.remote_required => Ok(record?),
+            _ => Ok(()),
+        }
     }
 }
 
@@ -178,7 +235,7 @@ mod tests {
     #[test]
     fn the_last_line_says_where_the_report_is_or_why_there_is_none() {
         let (id, status) = ("r".to_owned(), RunStatus::Finished);
-        let event = Event::Run { ran: 1, hit: 0, failed: 0, skipped: 0, wall_s: 0.5, id, status };
+        let event = Event::Run { ran: 1, hit: 0, failed: 0, skipped: 0, wall_s: 0.5, id, status, shared: None };
         let line = |page: Result<PathBuf, CliError>| {
             serde_json::to_string(&Ended::new(&event, &page)).expect("an event is JSON")
         };
