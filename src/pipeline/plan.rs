@@ -222,7 +222,7 @@ impl Plan {
         counts
     }
 
-    /// Returns the objects that would be brought from a store elsewhere, unless they are here, with their sizes.
+    /// Returns the objects of what would be brought from a store elsewhere, with their sizes.
     #[must_use]
     pub fn pulled(&self) -> BTreeMap<Digest, u64> {
         let artifacts = self.tasks.iter().filter_map(|task| match &task.state {

@@ -63,9 +63,11 @@ fn named(device: String) -> BTreeMap<String, String> {
     BTreeMap::from([("device".to_owned(), device)])
 }
 
-/// Returns the environments that are known by name; which GPUs others have is not.
-pub(super) fn environments() -> Vec<BTreeMap<String, String>> {
-    Simd::ALL.into_iter().map(|simd| named(format!("{}/{simd}", DeviceName::Flex))).collect()
+/// Returns the environments that others may have come to by themselves: none where somebody has chosen the instruction set, or
+/// a GPU, of which others may have any.
+pub(super) fn environments(device: DeviceName, pinned: Option<Simd>) -> Vec<BTreeMap<String, String>> {
+    let all = if pinned.is_none() && device == DeviceName::Flex { &Simd::ALL[..] } else { &[] };
+    all.iter().map(|simd| named(format!("{device}/{simd}"))).collect()
 }
 
 /// Checks that a device can be opened.

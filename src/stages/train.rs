@@ -84,7 +84,7 @@ impl Stage for Train {
     }
 
     fn environments(&self) -> Vec<BTreeMap<String, String>> {
-        compute::environments()
+        compute::environments(self.0.device, self.0.simd)
     }
 
     fn sharing_advice(&self) -> Option<&'static str> {
