@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use object_store::ObjectStore;
 use object_store::path::Path;
 use trodden::remote::{Remote, RemoteError};
-use trodden::store::RunStatus;
+use trodden::store::{Received, Record, RunStatus};
 
 use super::faulty::{Fault, Faulty};
 use super::{
@@ -58,7 +58,6 @@ fn a_lying_recipe_is_told_made_here_and_mended_there() {
     let name = format!("{PREFIX}/recipes/{}/{}.json", &hex[..2], &hex[2..]);
     let other_name = names(&backend, "recipes").into_iter().find(|other| *other != name).expect("there are several");
     let another = read(&backend, &other_name);
-    let right = read(&backend, &name);
     // A flipped bit, no record at all, and a whole one of something else.
     let damages: [Damage; 3] = [
         Box::new(|bytes| bytes[40] ^= 1),
@@ -71,10 +70,9 @@ fn a_lying_recipe_is_told_made_here_and_mended_there() {
         let told = format!("`table`: its recipe `{key}` in the shared store is damaged; it is made here instead");
         assert_eq!((seen.ran(), warnings(&seen)), (vec!["table"], vec![told.as_str()]));
         assert_eq!(seen.digests(), first.digests());
-        assert_ne!(read(&backend, &name), b"<html>moved</html>");
+        assert!(matches!(Record::from_text(&key, &read(&backend, &name)), Received::Good(_)));
         check_whole(&one.store, &backend);
     }
-    assert_eq!(read(&backend, &name).len(), right.len());
 }
 
 #[test]

@@ -252,7 +252,10 @@ fn a_server_that_dies_midway_leaves_nothing_half() {
     // Every recipe that is there leads to objects that are.
     server.proxy.set(Way::Good);
     let (second, events) = server.pipeline(&two, &[]);
-    assert_eq!((second["shared"]["pulled"].as_u64(), warnings(&events)), (pushed, Vec::new()));
+    // Of what was under way some got there although the answer was lost.
+    let pulled = second["shared"]["pulled"].as_u64();
+    assert!(pulled.unwrap_or(0) >= pushed.unwrap_or(0), "{pulled:?} of {pushed:?}");
+    assert_eq!(warnings(&events), Vec::<String>::new());
     assert_eq!(digests(&two), digests(&one));
     check_clean(&two);
     // What did not get there goes later; and a pull that is cut goes on the next time.
