@@ -32,8 +32,14 @@ fn pipeline(maps: usize, seed: u64) -> Pipeline {
 
 fn engine(criterion: &mut Criterion) {
     static NEVER: AtomicBool = AtomicBool::new(false);
-    let options =
-        Options { jobs: 2, memory: 1 << 30, keep_going: false, selection: Selection::default(), cancelled: &NEVER };
+    let options = Options {
+        jobs: 2,
+        memory: 1 << 30,
+        keep_going: false,
+        selection: Selection::default(),
+        remote: None,
+        cancelled: &NEVER,
+    };
     let mut group = criterion.benchmark_group("nothing to do");
     group.sample_size(10);
     for nodes in [30, 300, 10_000] {

@@ -69,6 +69,8 @@ fn filled(count: usize) -> Filled {
         artifact: Some(artifact.clone()),
         wall_s: 0.0,
         amount: None,
+        pulled: None,
+        absent: false,
         inputs: vec![format!("maps/home_{:03}", number / 10)],
         error: None,
     });

@@ -23,6 +23,7 @@
 //! |---|---|---|
 //! | [`domain`] | computes: maps, crowds, recordings, counts, labels, windows, the network, annotation, updates, baselines, scores, costs, paths, route graphs | nothing of ours |
 //! | [`store`] | keeps: objects, recipes, runs, plain names, collection, verification | nothing of ours |
+//! | [`remote`] | shares: a store elsewhere that takes and gives what local stores hold | store |
 //! | [`kinds`] | encodes: one file per artifact kind, value to bytes and back | domain, store |
 //! | [`pipeline`] | decides: file, plan, execution, events | store |
 //! | [`stages`] | join: read artifacts, let the domain compute, write one artifact | domain, kinds, pipeline, store |
@@ -49,7 +50,7 @@
 //!
 //! # Deliberately absent
 //!
-//! No database, no daemon, no scheduler beyond one machine. No provenance inside artifacts. No global state: the register
+//! No database, no daemon, no server of our own for what is shared, no scheduler beyond one machine. No provenance inside artifacts. No global state: the register
 //! of stages, the store and the environment are handed in.
 
 pub mod cli;
@@ -58,6 +59,7 @@ pub mod kinds;
 pub mod pipeline;
 #[cfg(feature = "python")]
 mod python;
+pub mod remote;
 pub mod report;
 pub mod stages;
 pub mod store;

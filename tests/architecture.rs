@@ -13,12 +13,13 @@ use quote::ToTokens;
 const TABLE: &[(&str, &[&str])] = &[
     ("domain", &[]),
     ("store", &[]),
+    ("remote", &["store"]),
     ("kinds", &["domain", "store"]),
     ("pipeline", &["store"]),
     ("stages", &["domain", "kinds", "pipeline", "store"]),
     ("report", &["domain", "kinds", "store", "pipeline::event"]),
-    ("cli", &["domain", "kinds", "pipeline", "store", "stages", "report"]),
-    ("python", &["domain", "kinds", "pipeline", "store", "stages", "report", "cli"]),
+    ("cli", &["domain", "kinds", "pipeline", "remote", "store", "stages", "report"]),
+    ("python", &["domain", "kinds", "pipeline", "remote", "store", "stages", "report", "cli"]),
 ];
 
 /// What the domain does without: files, clocks, the environment, printing.

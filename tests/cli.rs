@@ -47,15 +47,15 @@ stages:
 const NODES: u64 = 3 + 3 * 2 + 3 * 2 + 3 + 1 + 2 + 1 + 1 + 1 + 1;
 
 /// A folder to run commands in, with `tiny.yaml` in it.
-struct Place {
+pub struct Place {
     folder: TempDir,
 }
 
 /// What a command said.
-struct Said {
-    code: Option<i32>,
-    out: String,
-    err: String,
+pub struct Said {
+    pub code: Option<i32>,
+    pub out: String,
+    pub err: String,
 }
 
 /// A finished run of the pipeline, and what it said.
@@ -75,33 +75,33 @@ fn finished() -> &'static Finished {
 }
 
 impl Place {
-    fn empty() -> Self {
+    pub fn empty() -> Self {
         let place = Self { folder: tempfile::tempdir().expect("creates") };
         place.write("tiny.yaml", PIPELINE);
         place
     }
 
     /// A place whose store has one finished run.
-    fn finished() -> Self {
+    pub fn finished() -> Self {
         let place = Self::empty();
         copy(&finished().place.path("artifacts"), &place.path("artifacts"));
         place
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
-    fn write(&self, name: &str, content: impl AsRef<[u8]>) {
+    pub fn write(&self, name: &str, content: impl AsRef<[u8]>) {
         let path = self.path(name);
         std::fs::create_dir_all(path.parent().expect("has a folder")).expect("creates");
         std::fs::write(path, content).expect("writes");
     }
 
-    fn command(&self, words: &[&str]) -> Command {
+    pub fn command(&self, words: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trodden"));
         command.args(words).current_dir(self.folder.path());
-        for name in ["NO_COLOR", "TERM", "COLUMNS", "RAYON_NUM_THREADS"] {
+        for name in ["NO_COLOR", "TERM", "COLUMNS", "RAYON_NUM_THREADS", "TRODDEN_REMOTE"] {
             command.env_remove(name);
         }
         heed_signals(&mut command);
@@ -113,14 +113,14 @@ impl Place {
     }
 
     /// Runs a command that is to succeed; returns stdout.
-    fn out(&self, words: &[&str]) -> String {
+    pub fn out(&self, words: &[&str]) -> String {
         let said = self.run(words);
         assert_eq!(said.code, Some(0), "{words:?}: {}{}", said.out, said.err);
         said.out
     }
 
     /// Runs a command that is to fail in a way; returns stderr.
-    fn refused(&self, code: i32, words: &[&str]) -> String {
+    pub fn refused(&self, code: i32, words: &[&str]) -> String {
         let said = self.run(words);
         assert_eq!(said.code, Some(code), "{words:?}: {}{}", said.out, said.err);
         assert!(!said.err.contains("panicked"), "{}", said.err);
@@ -136,7 +136,7 @@ impl Place {
 }
 
 impl Said {
-    fn of(output: Output) -> Self {
+    pub fn of(output: Output) -> Self {
         let text = |bytes: Vec<u8>| String::from_utf8(bytes).expect("is text");
         Self { code: output.status.code(), out: text(output.stdout), err: text(output.stderr) }
     }

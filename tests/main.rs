@@ -15,6 +15,7 @@ mod pipeline;
 mod pipelines;
 mod promises;
 mod python_artifacts;
+mod remote;
 mod report;
 mod store;
 mod unet;

@@ -35,10 +35,12 @@ pub enum Need {
     Avx512,
     /// A GPU, or a driver that does its work on the processor.
     Gpu,
+    /// A Python with `moto[server]`, which speaks S3.
+    S3,
 }
 
 impl Need {
-    const ALL: [Self; 13] = [
+    const ALL: [Self; 14] = [
         Self::Oracle,
         Self::Maps,
         Self::Plans,
@@ -52,6 +54,7 @@ impl Need {
         Self::Strace,
         Self::Avx512,
         Self::Gpu,
+        Self::S3,
     ];
 
     const fn name(self) -> &'static str {
@@ -69,6 +72,7 @@ impl Need {
             Self::Strace => "strace",
             Self::Avx512 => "avx512",
             Self::Gpu => "gpu",
+            Self::S3 => "s3",
         }
     }
 

@@ -25,7 +25,7 @@ use trodden::pipeline::spec::{self, Pipeline, Request};
 use trodden::store::{Digest, Outcome, Store};
 
 /// A pipeline with every way of dividing and mapping: 3 + 2 maps.
-const HOMES: &str = "\
+pub const HOMES: &str = "\
 seed: 7
 shared: &shared { episodes: 8 }
 maps:
@@ -41,7 +41,7 @@ stages:
   scores: { use: score, heat: heat, labels: labels.test }
 ";
 /// Maps, walks and counts with two chunks each, labels, table, three epochs and the model, heat, scores.
-const NODES: usize = 5 + 5 * 3 + 5 * 3 + 5 + 1 + 4 + 2 + 2;
+pub const NODES: usize = 5 + 5 * 3 + 5 * 3 + 5 + 1 + 4 + 2 + 2;
 
 /// Reads a pipeline called `toy` with settings.
 fn read(text: &str, sets: &[&str]) -> Result<Pipeline, PipelineError> {
@@ -55,29 +55,29 @@ fn read_in(file: &Path, text: &str, sets: &[&str]) -> Result<Pipeline, PipelineE
 }
 
 /// Reads a pipeline that is right.
-fn pipeline(text: &str, sets: &[&str]) -> Pipeline {
+pub fn pipeline(text: &str, sets: &[&str]) -> Pipeline {
     read(text, sets).unwrap_or_else(|error| panic!("{}", error.render(false)))
 }
 
 /// A store in a folder of its own.
-struct Place {
+pub struct Place {
     folder: TempDir,
-    store: Store,
+    pub store: Store,
 }
 
 impl Place {
-    fn new() -> Self {
+    pub fn new() -> Self {
         let folder = tempfile::tempdir().expect("there is room for a folder");
         let store = Store::open(&folder.path().join("store")).expect("a new store opens");
         Self { folder, store }
     }
 
     /// Runs a pipeline with two jobs.
-    fn run(&self, pipeline: &Pipeline) -> Seen {
+    pub fn run(&self, pipeline: &Pipeline) -> Seen {
         self.run_with(pipeline, |_| {})
     }
 
-    fn run_with(&self, pipeline: &Pipeline, change: impl FnOnce(&mut Options)) -> Seen {
+    pub fn run_with<'a>(&self, pipeline: &Pipeline, change: impl FnOnce(&mut Options<'a>)) -> Seen {
         run(&self.store, pipeline, change)
     }
 }
@@ -85,9 +85,15 @@ impl Place {
 static NEVER: AtomicBool = AtomicBool::new(false);
 
 /// Runs a pipeline and keeps what it said.
-fn run(store: &Store, pipeline: &Pipeline, change: impl FnOnce(&mut Options)) -> Seen {
-    let mut options =
-        Options { jobs: 2, memory: 1 << 30, keep_going: false, selection: Selection::default(), cancelled: &NEVER };
+pub fn run<'a>(store: &Store, pipeline: &Pipeline, change: impl FnOnce(&mut Options<'a>)) -> Seen {
+    let mut options = Options {
+        jobs: 2,
+        memory: 1 << 30,
+        keep_going: false,
+        selection: Selection::default(),
+        remote: None,
+        cancelled: &NEVER,
+    };
     change(&mut options);
     let mut events = Vec::new();
     let report = execute(pipeline, store, &options, &mut |event| events.push(event.clone()));
@@ -95,14 +101,14 @@ fn run(store: &Store, pipeline: &Pipeline, change: impl FnOnce(&mut Options)) ->
 }
 
 /// What a run said and reported.
-struct Seen {
-    report: RunReport,
-    events: Vec<Event>,
+pub struct Seen {
+    pub report: RunReport,
+    pub events: Vec<Event>,
 }
 
 impl Seen {
     /// Returns the names of the nodes with an outcome, sorted.
-    fn with(&self, outcome: Outcome) -> Vec<&str> {
+    pub fn with(&self, outcome: Outcome) -> Vec<&str> {
         let mut names: Vec<&str> = self
             .events
             .iter()
@@ -115,18 +121,18 @@ impl Seen {
         names
     }
 
-    fn ran(&self) -> Vec<&str> {
+    pub fn ran(&self) -> Vec<&str> {
         self.with(Outcome::Ran)
     }
 
     /// Returns ran, hit, failed and skipped.
-    fn counts(&self) -> [usize; 4] {
+    pub fn counts(&self) -> [usize; 4] {
         let counts = self.report.counts;
         [counts.ran, counts.hit, counts.failed, counts.skipped]
     }
 
     /// Returns the digests of all nodes that have one.
-    fn digests(&self) -> BTreeMap<String, Digest> {
+    pub fn digests(&self) -> BTreeMap<String, Digest> {
         let nodes = self.report.run.nodes.iter();
         nodes.filter_map(|node| Some((node.node.to_string(), node.artifact.as_ref()?.digest))).collect()
     }

@@ -7,7 +7,7 @@ use super::needs::Need;
 use super::promises::{Place, Told};
 
 /// The Python with what `tests/python/requirements.txt` lists: `TRODDEN_PYTHON`, or that of `.venv` in the repository.
-fn python() -> Option<PathBuf> {
+pub fn python() -> Option<PathBuf> {
     let ours = Path::new(env!("CARGO_MANIFEST_DIR")).join(".venv/bin/python");
     std::env::var_os("TRODDEN_PYTHON").map(PathBuf::from).or_else(|| ours.exists().then_some(ours))
 }

@@ -75,6 +75,8 @@ impl Maker {
             artifact: Some(artifact),
             wall_s: 0.125,
             amount: None,
+            pulled: None,
+            absent: false,
             inputs: inputs.iter().map(|input| (*input).to_owned()).collect(),
             error: None,
         });

@@ -203,7 +203,7 @@ pub(super) fn predict_by_default(map: &OccupancyMap, screen: &Screen) -> Result<
 
 /// Lets a model tell, with a bar.
 fn predict(map: &OccupancyMap, model: &Model, config: &AnnotateConfig, screen: &Screen) -> Result<Heat, CliError> {
-    let compute = compute::open(config.device)?;
+    let compute = compute::open(config.device, config.simd)?;
     let mut bar = WorkBar::new("annotate", screen.color());
     let mut progress = |done: usize, all: usize| {
         bar.advance(done, all);

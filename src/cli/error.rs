@@ -8,6 +8,7 @@ use std::process::ExitCode;
 use crate::kinds::KindError;
 use crate::pipeline::error::PipelineError;
 use crate::pipeline::stage::StageError;
+use crate::remote::RemoteError;
 use crate::report::ReportError;
 use crate::store::StoreError;
 
@@ -24,6 +25,8 @@ pub enum CliError {
     Stage(#[from] StageError),
     #[error(transparent)]
     Report(#[from] ReportError),
+    #[error(transparent)]
+    Remote(#[from] RemoteError),
     /// The command cannot be carried out as it was given.
     #[error("{message}")]
     Request { message: String, help: Option<String> },
@@ -76,6 +79,7 @@ impl CliError {
             _ if matches!(store, Some(StoreError::Interrupted)) => 130,
             _ if store.is_some_and(StoreError::is_damage) => 3,
             Self::Output { .. } | Self::Unreported { .. } => 1,
+            Self::Remote(RemoteError::Away { .. } | RemoteError::Record { .. }) => 1,
             _ if self.is_trouble() => 1,
             _ => 2,
         })
@@ -92,6 +96,7 @@ impl CliError {
     fn store_error(&self) -> Option<&StoreError> {
         match self {
             Self::Store(error)
+            | Self::Remote(RemoteError::Store(error))
             | Self::Kind(KindError::Store(error))
             | Self::Stage(StageError::Store(error))
             | Self::Pipeline(
@@ -112,6 +117,7 @@ impl CliError {
             Self::Kind(error) if self.store_error().is_none() => error.help(),
             Self::Report(error) if self.store_error().is_none() => error.help(),
             Self::Unreported { help, .. } => help.clone(),
+            Self::Remote(error) => error.help(),
             Self::Output { .. } => Some("what was printed is not complete: make room, or print elsewhere".to_owned()),
             _ => self.store_error().and_then(StoreError::help),
         }

@@ -39,9 +39,9 @@ pub(super) fn follow(store: &Store, id: Option<&str>, screen: &Screen) -> Result
         }
         told.tell(&run, &mut bars);
         if run.status != RunStatus::Running {
-            let Counts { ran, hit, failed, skipped } = told.counts;
+            let Counts { ran, hit, failed, skipped, .. } = told.counts;
             let (wall_s, status) = (run.wall_s, run.status);
-            bars.hear(&Event::Run { ran, hit, failed, skipped, wall_s, id, status });
+            bars.hear(&Event::Run { ran, hit, failed, skipped, wall_s, id, status, shared: None });
             return bars.take_failure().map_or(Ok(code(status)), |failure| Err(CliError::output(failure)));
         }
         if stop.load(Ordering::Relaxed) {
@@ -76,6 +76,7 @@ impl Told {
                 stage: node.stage.clone(),
                 kind: node.kind.clone(),
                 wall_s: node.wall_s,
+                pulled: node.pulled,
                 error: node.error.clone(),
                 help: None,
             });

@@ -2,19 +2,22 @@
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use serde::Serialize;
 
 use super::error::CliError;
 use super::screen::Screen;
+use super::shared::SharedArgs;
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::Pipeline;
+use crate::remote::Remote;
 use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
-use crate::store::{RunStatus, Store};
+use crate::store::{Peer, RunStatus, Store};
 
 /// How to run.
 #[derive(Debug, Clone, Default, clap::Args)]
@@ -31,6 +34,8 @@ pub struct HowArgs {
     /// Print no progress.
     #[arg(long, short)]
     quiet: bool,
+    #[command(flatten)]
+    shared: SharedArgs,
 }
 
 fn positive(text: &str) -> Result<f64, String> {
@@ -41,13 +46,24 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 impl HowArgs {
+    /// Opens the shared store that a run of a pipeline uses, if it uses one.
+    pub(super) fn remote(&self, pipeline: &Pipeline, stop: &Arc<AtomicBool>) -> Result<Option<Remote>, CliError> {
+        self.shared.open(pipeline, stop)
+    }
+
     /// Returns how the engine is to run a selection.
-    pub(super) fn options<'a>(&self, selection: Selection, cancelled: &'a AtomicBool) -> Options<'a> {
+    pub(super) fn options<'a>(
+        &self,
+        selection: Selection,
+        remote: Option<&'a Remote>,
+        cancelled: &'a AtomicBool,
+    ) -> Options<'a> {
         Options {
             jobs: self.jobs.map_or_else(cores, |jobs| jobs as usize),
             memory: self.memory.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64),
             keep_going: self.keep_going,
             selection,
+            remote: remote.map(|remote| remote as &dyn Peer),
             cancelled,
         }
     }
@@ -67,7 +83,7 @@ impl HowArgs {
         &self,
         pipeline: &Pipeline,
         store: &Store,
-        options: &Options,
+        (options, remote): (&Options, Option<&Remote>),
         keep: bool,
         screen: &Screen,
     ) -> Result<(ExitCode, String), CliError> {
@@ -80,6 +96,8 @@ impl HowArgs {
         if keep {
             store.mark_keep(&report.run.id, true)?;
         }
+        let conclude = |remote| self.shared.conclude(remote, &report, (keep, self.quiet), screen);
+        let shared = remote.map_or(Ok(()), conclude);
         // A run with nothing to do has nothing new to show.
         let page = match store.share_report(&report.run) {
             Some(path) => Ok(path),
@@ -107,6 +125,7 @@ impl HowArgs {
             }
             return Ok((code, report.run.id));
         }
+        shared?;
         bars.take_failure().map_or(told, |failure| Err(CliError::output(failure)))?;
         page.map_err(|error| CliError::Unreported { message: error.message(), help: error.help() })?;
         Ok((code, report.run.id))
@@ -167,7 +186,7 @@ mod tests {
     #[test]
     fn the_last_line_says_where_the_report_is_or_why_there_is_none() {
         let (id, status) = ("r".to_owned(), RunStatus::Finished);
-        let event = Event::Run { ran: 1, hit: 0, failed: 0, skipped: 0, wall_s: 0.5, id, status };
+        let event = Event::Run { ran: 1, hit: 0, failed: 0, skipped: 0, wall_s: 0.5, id, status, shared: None };
         let line = |page: Result<PathBuf, CliError>| {
             serde_json::to_string(&Ended::new(&event, &page)).expect("an event is JSON")
         };

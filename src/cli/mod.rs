@@ -29,7 +29,10 @@ mod path;
 mod paths;
 mod plan;
 mod plan_path;
+mod pull;
+mod push;
 mod recheck;
+mod remote_args;
 mod report;
 mod request;
 mod run;
@@ -37,6 +40,7 @@ mod runs;
 mod schema;
 mod screen;
 mod selection;
+mod shared;
 mod show;
 mod signals;
 mod simulate;
@@ -45,6 +49,7 @@ mod status;
 mod sweep;
 mod table;
 mod track_args;
+mod transfer;
 mod verify;
 mod watch;
 mod why;
@@ -127,6 +132,10 @@ enum Command {
     Keep(keep::Args),
     /// Remove what no run needs any more.
     Gc(gc::Args),
+    /// Give results to a shared store.
+    Push(push::Args),
+    /// Bring results here from a shared store.
+    Pull(pull::Args),
     /// Read everything in the store and name what is damaged.
     Verify(verify::Args),
     /// Check a pipeline file without running it.
@@ -212,6 +221,8 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Report(args) => args.run(store, screen),
         Command::Keep(args) => args.run(store, screen),
         Command::Gc(args) => args.run(store, screen),
+        Command::Push(args) => args.run(register, store, screen),
+        Command::Pull(args) => args.run(register, store, screen),
         Command::Verify(args) => args.run(store, screen),
         Command::Check(args) => args.run(register, screen),
         Command::Schema(args) => args.run(register, screen),

@@ -72,15 +72,17 @@ impl Args {
         store: &Path,
         screen: &Screen,
     ) -> Result<(ExitCode, Option<String>), CliError> {
-        if self.dry_run {
-            return Ok((print_plan(pipeline, store, &(&self.selection).into(), screen)?, None));
-        }
         let cancelled = Arc::new(AtomicBool::new(false));
+        let remote = self.how.remote(pipeline, &cancelled)?;
+        if self.dry_run {
+            let selection = (&self.selection).into();
+            return Ok((print_plan(pipeline, store, &selection, remote.as_ref(), screen)?, None));
+        }
         signals::listen(&cancelled);
         let store = Store::open_until(store, &cancelled)?;
-        let options = self.how.options((&self.selection).into(), &cancelled);
+        let options = self.how.options((&self.selection).into(), remote.as_ref(), &cancelled);
         let Some(sample) = self.check.sample() else {
-            let (code, id) = self.how.run(pipeline, &store, &options, self.keep, screen)?;
+            let (code, id) = self.how.run(pipeline, &store, (&options, remote.as_ref()), self.keep, screen)?;
             return Ok((code, Some(id)));
         };
         let mut bars = self.how.bars(screen);

@@ -69,8 +69,9 @@ impl Args {
             match &look.pipeline {
                 Ok(pipeline) => {
                     let store = Store::open_until(root, &cancelled)?;
-                    let options = self.how.options((&self.selection).into(), &cancelled);
-                    match self.how.run(pipeline, &store, &options, false, screen) {
+                    let remote = self.how.remote(pipeline, &cancelled)?;
+                    let options = self.how.options((&self.selection).into(), remote.as_ref(), &cancelled);
+                    match self.how.run(pipeline, &store, (&options, remote.as_ref()), false, screen) {
                         Ok((code, _)) if stopped() => return Ok(code),
                         Ok(_) => {}
                         // A name that the file has no longer, or a file that is gone: a change may mend it.

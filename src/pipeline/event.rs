@@ -48,6 +48,13 @@ pub enum Event {
         /// How much there is to do; 0 as long as nothing is known about it.
         total: u64,
     },
+    /// How much is under way between the store here and one elsewhere, as progress.
+    Exchange {
+        /// Nodes that are asked for or on their way here.
+        pulling: usize,
+        /// Nodes that are on their way there.
+        pushing: usize,
+    },
     /// A node is done with, one way or another; once for each.
     Node {
         /// Name of the node.
@@ -65,6 +72,9 @@ pub enum Event {
         kind: String,
         /// How long it took in seconds.
         wall_s: f64,
+        /// How many bytes were brought for it from a store elsewhere, if a hit was found there.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        pulled: Option<u64>,
         /// Why it failed.
         #[serde(default, skip_serializing_if = "Option::is_none")]
         error: Option<String>,
@@ -108,7 +118,25 @@ pub enum Event {
         id: String,
         /// How it ended.
         status: RunStatus,
+        /// What came from a store elsewhere and what went there, if anything did.
+        #[serde(default, skip_serializing_if = "Option::is_none")]
+        shared: Option<Traffic>,
     },
+}
+
+/// What came from a store elsewhere, and what went there.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Traffic {
+    /// Nodes that were found there.
+    pub pulled: usize,
+    /// What came for them, in bytes.
+    pub pulled_bytes: u64,
+    /// Nodes that were made here and given to it.
+    pub pushed: usize,
+    /// What went for them, in bytes.
+    pub pushed_bytes: u64,
+    /// Nodes that were made here and that it did not get.
+    pub unpushed: usize,
 }
 
 /// How many nodes, chunks and steps ended in each way.
@@ -118,6 +146,9 @@ pub struct Counts {
     pub ran: usize,
     /// Nodes that were in the store.
     pub hit: usize,
+    /// Those of them that were found in a store elsewhere.
+    #[serde(default)]
+    pub pulled: usize,
     /// Nodes that failed.
     pub failed: usize,
     /// Nodes that were not tried.
@@ -185,6 +216,8 @@ pub struct RunState {
     pub waiting: BTreeSet<String>,
     /// What has failed.
     pub failures: Vec<FailedNode>,
+    /// How much is on its way here and there.
+    pub exchange: (usize, usize),
     /// What there was to warn of.
     pub warnings: Vec<String>,
     /// How the run ended and how long it took in seconds.
@@ -211,14 +244,18 @@ impl RunState {
                     (running.done, running.total) = (*done, *total);
                 }
             }
-            Event::Node { node, outcome, error, help, .. } => {
+            Event::Exchange { pulling, pushing } => self.exchange = (*pulling, *pushing),
+            Event::Node { node, outcome, pulled, error, help, .. } => {
                 self.running.remove(node.as_str());
                 self.waiting.remove(node.as_str());
-                self.counts.add(*outcome);
                 let stage = node.stage();
-                match self.stages.get_mut(stage) {
-                    Some(counts) => counts.add(*outcome),
-                    None => self.stages.entry(stage.to_owned()).or_default().add(*outcome),
+                let of_stage = match self.stages.get_mut(stage) {
+                    Some(counts) => counts,
+                    None => self.stages.entry(stage.to_owned()).or_default(),
+                };
+                for counts in [&mut self.counts, of_stage] {
+                    counts.add(*outcome);
+                    counts.pulled += usize::from(pulled.is_some());
                 }
                 if *outcome == Outcome::Failed {
                     let message = error.clone().unwrap_or_default();
@@ -254,6 +291,7 @@ mod tests {
             stage: "quantize".to_owned(),
             kind: "Labels".to_owned(),
             wall_s: 0.5,
+            pulled: None,
             error: (outcome == Outcome::Failed).then(|| "no".to_owned()),
             help: None,
         }
@@ -277,6 +315,7 @@ mod tests {
             wall_s: 0.25,
             id: "a".to_owned(),
             status: RunStatus::Failed,
+            shared: None,
         };
         let text = serde_json::to_string(&last).expect("an event is JSON");
         assert_eq!(
@@ -302,7 +341,7 @@ mod tests {
         assert!(state.waiting.contains("scores"));
         state.apply(&node("labels/b", Outcome::Ran));
         state.apply(&node("scores", Outcome::Hit));
-        assert_eq!(state.counts, Counts { ran: 1, hit: 1, failed: 1, skipped: 0 });
+        assert_eq!(state.counts, Counts { ran: 1, hit: 1, failed: 1, ..Counts::default() });
         assert_eq!(state.stages["labels"], Counts { ran: 1, failed: 1, ..Counts::default() });
         assert_eq!((state.done(), state.running.len(), state.waiting.len(), state.failures.len()), (3, 0, 0, 1));
         assert_eq!(state.warnings, ["`x`: odd"]);

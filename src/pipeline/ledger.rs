@@ -7,8 +7,10 @@
 //!                      all that it reads is known
 //!  OutOfScope   Waiting ─────────── settle ──────────┬──► Hit      on record, and its objects are there
 //!                ▲   ▲                               ├──► Absent   on record, not there, and nobody needs it
-//!                │   │ it must run, and an input     └──► Todo     not on record, not there and needed, or forced
-//!                │   │ is absent: wait for it                │
+//!                │   │ it must run, and an input     ├──► Asking   as Todo, but a store elsewhere may have it: it turns
+//!                │   │ is absent: wait for it        │             into Hit or Absent if it does, else into Todo
+//!                │   │                               └──► Todo     not on record, not there and needed, or forced
+//!                │   │                                       │
 //!                │   └─────────────── demand ────────────────┤
 //!                │                                           ▼
 //!                └── Absent, once a task that runs       Running ──► Ran, or Failed: who waits for it is Skipped
@@ -18,20 +20,19 @@
 //! *Known* are hits, absent tasks and those that ran: their digests are. A waiting task counts how many of those that it
 //! reads are not known (`pending`) and is settled when there are none left. Being demanded takes an absent task back to
 //! waiting, and one more is unknown to all who wait with it. A plan stops at `Todo`, which is as good as known where the
-//! task has a digest on record; `Incomplete` is a plan's word for what may be whole once a part of it is made again.
+//! task has a digest on record; `Incomplete` is a plan's word for what may be whole once a part of it is made again, and
+//! `Elsewhere` one for what a run would bring here.
 
 use std::collections::BTreeMap;
 use std::fmt;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use serde_json::Value;
-
 use super::error::PipelineError;
-use super::graph::{Graph, Origin, Work, extensions};
+use super::graph::{Graph, Work};
 use super::selection::Scope;
-use super::stage::{Part, StageError};
-use crate::store::{Artifact, Digest, InputDigest, Key, Recipe, Record, Role, Store, StoreError};
+use super::stage::StageError;
+use crate::store::{Artifact, Digest, Key, Recipe, Record, Role, Store, StoreError};
 
 /// What a plan asks of a store.
 pub trait Lookups {
@@ -76,6 +77,10 @@ pub(crate) enum Status {
     Absent,
     /// In a plan: on record and not there, but a part of it will be made again, which may be all that is missing.
     Incomplete,
+    /// It would have to run for this reason, but a store elsewhere was not asked yet.
+    Asking(Reason),
+    /// In a plan: a store elsewhere has it, and it would be brought here.
+    Elsewhere,
     /// It must run, and everything that it reads is there (in a plan: is there or will be).
     Todo(Reason),
     Running,
@@ -119,7 +124,13 @@ pub(crate) struct Ledger<'a> {
     pub graph: &'a Graph<'a>,
     lookups: &'a dyn Lookups,
     /// Whether objects that must be made again are taken to come out as before.
-    foresee: bool,
+    pub(super) foresee: bool,
+    /// Whether there is a store elsewhere to be asked.
+    pub(super) asks: bool,
+    /// What it was asked for each task: which key, and whether for the objects, too.
+    pub(super) asked: Vec<Option<(Key, bool)>>,
+    /// In a plan with a store elsewhere: tasks whose absent inputs are not seen to yet.
+    pub(super) demanding: Vec<usize>,
     pub status: Vec<Status>,
     pub keys: Vec<Option<Key>>,
     pub recipes: Vec<Option<Box<Recipe>>>,
@@ -130,10 +141,10 @@ pub(crate) struct Ledger<'a> {
     /// The source files of each node.
     pub sources: Vec<Arc<Sources>>,
     /// Whether the objects of a task must be there at the end.
-    required: Vec<bool>,
+    pub(super) required: Vec<bool>,
     /// Whether a task is made again although it is on record.
-    forced: Vec<bool>,
-    needed_by: Vec<Option<usize>>,
+    pub(super) forced: Vec<bool>,
+    pub(super) needed_by: Vec<Option<usize>>,
     /// For a waiting task, how many of those that it reads are not known.
     pending: Vec<usize>,
     /// Tasks whose inputs have become known.
@@ -148,7 +159,7 @@ impl<'a> Ledger<'a> {
         graph: &'a Graph<'a>,
         lookups: &'a dyn Lookups,
         scope: Scope,
-        foresee: bool,
+        (foresee, asks): (bool, bool),
     ) -> Result<Self, PipelineError> {
         let count = graph.tasks.len();
         let in_scope = |in_scope: &bool| if *in_scope { Status::Waiting } else { Status::OutOfScope };
@@ -156,6 +167,9 @@ impl<'a> Ledger<'a> {
             graph,
             lookups,
             foresee,
+            asks,
+            asked: vec![None; count],
+            demanding: Vec::new(),
             status: scope.tasks.iter().map(in_scope).collect(),
             keys: vec![None; count],
             recipes: vec![None; count],
@@ -198,7 +212,8 @@ impl<'a> Ledger<'a> {
         Ok(all)
     }
 
-    /// Settles every task whose inputs have become known; returns those that turned out hits or that must run.
+    /// Settles every task whose inputs have become known; returns those that turned out hits, that must run, or that a store
+    /// elsewhere is to be asked for.
     pub(crate) fn advance(&mut self) -> Vec<usize> {
         let mut settled = Vec::new();
         while let Some(task) = self.settling.pop() {
@@ -237,8 +252,12 @@ impl<'a> Ledger<'a> {
             },
             (false, _) => Status::Todo(Reason::Unmade),
         };
-        if let Status::Todo(_) = self.status[task] {
-            self.demand(task);
+        match self.status[task] {
+            Status::Todo(reason) if reason != Reason::Forced && self.may_ask(task, key) => {
+                self.status[task] = Status::Asking(reason)
+            }
+            Status::Todo(_) => self.demand(task),
+            _ => {}
         }
         if self.is_known(task) {
             self.announce(task);
@@ -252,13 +271,18 @@ impl<'a> Ledger<'a> {
         task.work != Work::Close || task.previous.is_some_and(|last| self.artifacts[last].as_ref() == Some(artifact))
     }
 
-    fn reads_todo(&self, task: usize) -> bool {
+    pub(super) fn reads_todo(&self, task: usize) -> bool {
         let todo = |read: &usize| matches!(self.status[*read], Status::Todo(_) | Status::Incomplete);
         self.graph.tasks[task].reads.iter().any(todo)
     }
 
     /// Has the absent inputs of a task that runs made again first; it waits for them, and for what is on its way already.
-    fn demand(&mut self, task: usize) {
+    pub(super) fn demand(&mut self, task: usize) {
+        if self.foresee && self.asks {
+            // What is absent may be elsewhere, too: that is asked for once it is known what runs.
+            self.demanding.push(task);
+            return;
+        }
         let graph = self.graph;
         let mut demanding = vec![task];
         while let Some(task) = demanding.pop() {
@@ -288,7 +312,7 @@ impl<'a> Ledger<'a> {
 
     /// Returns those of the tasks that a task reads whose objects it opens: the end of a chain only passes on what the last
     /// step made.
-    fn opened(&self, task: usize) -> &'a [usize] {
+    pub(super) fn opened(&self, task: usize) -> &'a [usize] {
         let graph = self.graph;
         let of = &graph.tasks[task];
         if of.work == Work::Close { of.previous.as_slice() } else { &of.reads }
@@ -311,7 +335,7 @@ impl<'a> Ledger<'a> {
     }
 
     /// Tells those that wait for a task that its digest is known.
-    fn announce(&mut self, task: usize) {
+    pub(super) fn announce(&mut self, task: usize) {
         let graph = self.graph;
         for dependent in graph.dependents[task].iter().rev() {
             if self.status[*dependent] == Status::Waiting && self.pending[*dependent] > 0 {
@@ -326,7 +350,7 @@ impl<'a> Ledger<'a> {
     /// Tells whether the digest of a task is known, or foreseen.
     pub(crate) fn is_known(&self, task: usize) -> bool {
         match self.status[task] {
-            Status::Hit | Status::Absent | Status::Ran => true,
+            Status::Hit | Status::Absent | Status::Ran | Status::Elsewhere => true,
             Status::Todo(_) | Status::Incomplete => self.foresee && self.artifacts[task].is_some(),
             _ => false,
         }
@@ -380,68 +404,5 @@ impl<'a> Ledger<'a> {
         for task in gone {
             self.artifacts[task] = None;
         }
-    }
-
-    /// Makes the recipe of a task; inputs whose digests are not known are left out.
-    pub(crate) fn recipe(&self, task: usize) -> Recipe {
-        let (node, of) = (self.graph.node(task), &self.graph.tasks[task]);
-        let digest = |task: usize| self.artifacts[task].as_ref().map(|artifact| artifact.digest);
-        let many = |members: &[(Arc<str>, usize)]| {
-            let known = members.iter().filter_map(|(name, task)| Some((name.to_string(), digest(*task)?)));
-            InputDigest::Many(known.collect())
-        };
-        let mut inputs = BTreeMap::new();
-        for feed in &of.ports {
-            match &feed.origin {
-                Origin::One(task) => {
-                    inputs.extend(digest(*task).map(|digest| (feed.port.to_string(), InputDigest::One(digest))))
-                }
-                Origin::Group(members) => {
-                    inputs.insert(feed.port.to_string(), many(members));
-                }
-            }
-        }
-        let roles = match of.work {
-            Work::Part(part) => node.stage.part_sources(part),
-            Work::Close => None,
-        };
-        let reads = |role: &String| roles.as_ref().is_none_or(|roles| roles.contains(role));
-        for (role, (_, digest)) in self.sources[of.node].iter().filter(|(role, _)| reads(role)) {
-            inputs.insert(format!("source:{role}"), InputDigest::One(*digest));
-        }
-        let (part, mut parameters) = match of.work {
-            Work::Part(part) => (part_name(part), node.stage.part_parameters(part)),
-            Work::Close => (None, node.stage.parameters()),
-        };
-        if let (true, Value::Object(parameters)) = (node.spec.open, &mut parameters) {
-            // Such a stage sees files, and what these are called.
-            parameters.insert("files".to_owned(), serde_json::json!(extensions(self.graph, of)));
-        }
-        if of.work == Work::Part(Part::Gather) {
-            inputs.insert("parts".to_owned(), many(&of.parts));
-        }
-        if let (Work::Part(_), Some(previous)) = (of.work, of.previous) {
-            inputs.extend(digest(previous).map(|digest| ("previous".to_owned(), InputDigest::One(digest))));
-        }
-        Recipe {
-            stage: node.spec.name.to_string(),
-            part: part.map(str::to_owned),
-            version: node.spec.version,
-            kind: node.spec.output.name.to_string(),
-            format: node.spec.output.format,
-            parameters,
-            seed: node.seed,
-            environment: node.stage.environment(),
-            inputs,
-        }
-    }
-}
-
-fn part_name(part: Part) -> Option<&'static str> {
-    match part {
-        Part::Whole => None,
-        Part::Chunk(_) => Some("chunk"),
-        Part::Gather => Some("gather"),
-        Part::Step(_) => Some("step"),
     }
 }

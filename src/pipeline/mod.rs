@@ -7,12 +7,15 @@
 //! graph          → tasks      nodes, their chunks and steps, and what each reads
 //! selection      → tasks      which of them are asked for, by names and patterns (`meaning`)
 //! ledger         → states     recipes and keys; what is on record, what must run, what must be made again
+//! environments                what was made already, only elsewhere
 //! plan, execute               the ledger before a run, and while one goes on
 //! forecast plan  → seconds    from what is on record of earlier work
 //! event    run   → stream     folded once into a state, which bars, JSON and reports read
 //! why      plan or run and the run before → differences
 //! ```
 
+mod asking;
+mod environments;
 pub mod error;
 pub mod event;
 pub mod execute;
@@ -21,6 +24,7 @@ mod graph;
 mod ledger;
 pub mod meaning;
 pub mod plan;
+mod recipes;
 pub mod schema;
 pub mod selection;
 pub mod spec;

@@ -22,6 +22,20 @@ pub fn schema(register: &Register) -> Value {
     properties.insert("name".to_owned(), name);
     let doc = "What every stage that draws random numbers starts from, unless it names a seed of its own [0].";
     properties.insert("seed".to_owned(), seed_schema(doc));
+    let store = json!({
+        "type": "object",
+        "description": "A store elsewhere that others use as well; no result depends on it.",
+        "properties": {
+            "remote": {
+                "type": "string",
+                "description": "`s3://bucket/prefix`, `gs://…`, `az://…`, or a folder beside this file."
+            },
+            "read_only": { "type": "boolean", "description": "Whether nothing is given to it [false]." }
+        },
+        "required": ["remote"],
+        "additionalProperties": false
+    });
+    properties.insert("store".to_owned(), store);
     for section in &register.sections {
         properties.insert(section.key.to_string(), section_schema(section, &mut definitions));
     }

@@ -68,6 +68,7 @@ pub fn of_plan(
             State::Hit { .. } => {
                 lines.push(if lines.is_empty() { "nothing changed" } else { "but it is on record" }.to_owned())
             }
+            State::Pull { .. } => lines.push("would be brought from the shared store".to_owned()),
             State::OutOfScope => lines.push("not asked for".to_owned()),
             State::Run(Reason::Forced) => lines.push("made again because it is forced".to_owned()),
             State::Run(Reason::Unmade) => {}
@@ -112,6 +113,7 @@ pub fn of_run(
             }
             Outcome::Ran if lines.is_empty() => lines.push("made again because its object was missing".to_owned()),
             Outcome::Ran => {}
+            Outcome::Hit if node.pulled.is_some() => lines.push("found in the shared store".to_owned()),
             Outcome::Hit => {
                 lines.push(if lines.is_empty() { "nothing changed" } else { "but it was on record" }.to_owned())
             }

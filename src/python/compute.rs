@@ -32,7 +32,7 @@ pub fn annotate(py: Python<'_>, map: &Bound<'_, Table>, fields: &str, model: Opt
     let heat = interruptible(py, |progress| {
         let model = model.as_deref().map_or_else(|| Ok(Model::shipped()), model_files::read)?;
         stage::settle(&mut config, asked, &model);
-        Ok(stage::heat(map, &model, &config, &compute::open(config.device)?, progress)?)
+        Ok(stage::heat(map, &model, &config, &compute::open(config.device, config.simd)?, progress)?)
     })?;
     Ok(Table::of_heat(Placed::new(*map.frame(), heat))?)
 }

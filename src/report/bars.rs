@@ -10,7 +10,7 @@ use super::plain::{one_line, plain, plain_but_colors, plain_json};
 use crate::pipeline::event::{Counts, Event, RunState};
 use crate::store::{Outcome, RunStatus};
 
-use super::amounts::seconds;
+use super::amounts::{bytes, seconds};
 
 /// How a run is followed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -94,7 +94,7 @@ impl Bars {
     }
 
     fn print_json(&mut self, event: &Event) {
-        if matches!(event, Event::Progress { .. }) {
+        if matches!(event, Event::Progress { .. } | Event::Exchange { .. }) {
             return;
         }
         let line = serde_json::to_string(event).expect("an event is JSON");
@@ -113,8 +113,14 @@ impl Bars {
             Event::RunStarted { pipeline, nodes, id, .. } if !color => {
                 vec![format!("{}: {nodes} nodes, run {id}", one_line(pipeline))]
             }
-            Event::Node { node, outcome, wall_s, error, help, .. } => match outcome {
-                Outcome::Hit => Vec::new(),
+            Event::Node { node, outcome, wall_s, pulled, error, help, .. } => match outcome {
+                // What only its recipe was brought of is no news.
+                Outcome::Hit if pulled.is_none_or(|bytes| bytes == 0) => Vec::new(),
+                Outcome::Hit => {
+                    let place = format!("[{}/{}]", self.state.done(), self.state.nodes);
+                    let (word, size) = (paint("36", "pulled"), paint("2", &bytes(pulled.unwrap_or(0))));
+                    vec![format!("{} {word} {} {size}", paint("2", &place), one_line(&node.to_string()))]
+                }
                 Outcome::Ran => {
                     let place = format!("[{}/{}]", self.state.done(), self.state.nodes);
                     let (ran, time) = (paint("32", "ran"), paint("2", &seconds(*wall_s)));
@@ -210,7 +216,13 @@ impl Drawn {
             Event::Node { node, .. } => {
                 self.close(node);
                 self.run.set_position(state.done() as u64);
-                self.run.set_message(tally(&state.counts));
+                self.run.set_message(message(state));
+            }
+            Event::Exchange { pulling, pushing } => {
+                self.run.set_message(message(state));
+                if pulling + pushing > 0 {
+                    self.run.enable_steady_tick(TICK);
+                }
             }
             Event::Run { .. } => {
                 self.nodes.values().for_each(|shown| shown.bar.finish_and_clear());
@@ -283,12 +295,28 @@ fn style(template: &str) -> ProgressStyle {
     style.progress_chars("━╸─").tick_chars("⠋⠙⠹⠸⠼⠴⠦⠧⠇⠏ ")
 }
 
-/// Says how many nodes ended in each way: `12 ran, 48 hit`.
+/// Says how many nodes ended in each way, and what is under way between two stores.
+fn message(state: &RunState) -> String {
+    let parts = [(state.exchange.0, "pulling"), (state.exchange.1, "pushing")];
+    let moving = parts.iter().filter(|(count, _)| *count > 0).map(|(count, word)| format!(", {word} {count}"));
+    tally(&state.counts) + &moving.collect::<String>()
+}
+
+/// Says how many nodes ended in each way: `12 ran, 48 hit (30 pulled)`.
 #[must_use]
 pub fn tally(counts: &Counts) -> String {
-    let parts = [(counts.ran, "ran"), (counts.hit, "hit"), (counts.failed, "failed"), (counts.skipped, "skipped")];
-    let named: Vec<String> =
-        parts.iter().filter(|(count, _)| *count > 0).map(|(count, name)| format!("{count} {name}")).collect();
+    let pulled = if counts.pulled > 0 { format!(" ({} pulled)", counts.pulled) } else { String::new() };
+    let parts = [
+        (counts.ran, "ran", ""),
+        (counts.hit, "hit", &pulled),
+        (counts.failed, "failed", ""),
+        (counts.skipped, "skipped", ""),
+    ];
+    let named: Vec<String> = parts
+        .iter()
+        .filter(|(count, ..)| *count > 0)
+        .map(|(count, name, more)| format!("{count} {name}{more}"))
+        .collect();
     if named.is_empty() { "no nodes".to_owned() } else { named.join(", ") }
 }
 
@@ -322,6 +350,7 @@ mod tests {
             stage: "quantize".to_owned(),
             kind: "Labels".to_owned(),
             wall_s: 1.25,
+            pulled: None,
             error: (outcome == Outcome::Failed).then(|| "no free cell".to_owned()),
             help: (outcome == Outcome::Failed).then(|| "draw one".to_owned()),
         }
@@ -355,6 +384,7 @@ mod tests {
                 wall_s: 75.0,
                 id: "r1".to_owned(),
                 status: RunStatus::Failed,
+                shared: None,
             },
         ]);
         assert_eq!(

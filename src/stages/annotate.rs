@@ -51,7 +51,7 @@ impl Annotate {
         let config = AnnotateConfig::try_from(fields)
             .map_err(|error| ParameterError { help: advice(&error), ..super::refused_setting(&error) })?;
         config.check().map_err(|error| super::refused_setting(&error))?;
-        compute::check(config.device)?;
+        compute::check(config.device, config.simd)?;
         Ok(Arc::new(Self(config)))
     }
 }
@@ -71,7 +71,15 @@ impl Stage for Annotate {
     }
 
     fn environment(&self) -> BTreeMap<String, String> {
-        compute::environment(self.0.device)
+        compute::environment(self.0.device, self.0.simd)
+    }
+
+    fn environments(&self) -> Vec<BTreeMap<String, String>> {
+        compute::environments(self.0.device, self.0.simd)
+    }
+
+    fn sharing_advice(&self) -> Option<&'static str> {
+        Some(compute::SHARING)
     }
 
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
@@ -84,7 +92,7 @@ impl Stage for Annotate {
     fn run(&self, _: Part, inputs: &Inputs, context: &Context) -> Result<Output, StageError> {
         let (map, _): (OccupancyMap, _) = read(context, inputs.one("map"))?;
         let (checkpoint, _): (Checkpoint, _) = read(context, inputs.one("model"))?;
-        let compute = compute::open(self.0.device)?;
+        let compute = compute::open(self.0.device, self.0.simd)?;
         let mut progress = |done: usize, all: usize| {
             (context.progress)(done as u64, all as u64);
             if (context.cancelled)() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }

@@ -49,7 +49,7 @@ impl Definition for Train {
 
     fn check(&self) -> Result<(), ParameterError> {
         self.0.check().map_err(|error| super::refused_setting(&error))?;
-        compute::check(self.0.device)
+        compute::check(self.0.device, self.0.simd)
     }
 }
 
@@ -85,7 +85,15 @@ impl Stage for Train {
     }
 
     fn environment(&self) -> BTreeMap<String, String> {
-        compute::environment(self.0.device)
+        compute::environment(self.0.device, self.0.simd)
+    }
+
+    fn environments(&self) -> Vec<BTreeMap<String, String>> {
+        compute::environments(self.0.device, self.0.simd)
+    }
+
+    fn sharing_advice(&self) -> Option<&'static str> {
+        Some(compute::SHARING)
     }
 
     fn needs(&self, _: Part, inputs: &Inputs, store: &Store) -> Needs {
@@ -102,7 +110,7 @@ impl Stage for Train {
         let validation = inputs.maybe("validation").map(|tiles| read::<Tiles>(context, tiles)).transpose()?;
         let learned = Learned::of(&tiles.target);
         let weights = learned.counts().map(class_weights).unwrap_or_default();
-        let compute = compute::open(self.0.device)?;
+        let compute = compute::open(self.0.device, self.0.simd)?;
         let (mut trainer, mut metrics) = match &inputs.previous {
             None => {
                 let mut trainer = Trainer::new(&tiles, &weights, &self.0, &compute, context.seed);

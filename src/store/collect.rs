@@ -86,7 +86,8 @@ impl Collected {
 }
 
 impl Freed {
-    pub(super) const fn add(&mut self, bytes: u64) {
+    /// Counts one more.
+    pub const fn add(&mut self, bytes: u64) {
         self.files += 1;
         self.bytes += bytes;
     }

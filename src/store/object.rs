@@ -186,13 +186,18 @@ pub struct ObjectWriter<'a> {
 }
 
 impl ObjectWriter<'_> {
+    /// Returns the digest of what was written so far: who knows what it must be can look before it gets its name.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        Digest::from_bytes(*self.hasher.finalize().as_bytes())
+    }
+
     /// Ends the object and gives it its name.
     ///
     /// # Errors
     /// If the store cannot be written.
     pub fn finish(self, name: &str) -> Result<FileRef, StoreError> {
-        let store = self.store;
-        let digest = Digest::from_bytes(*self.hasher.finalize().as_bytes());
+        let (store, digest) = (self.store, self.digest());
         let pinned = store.session()?.pin_object(&digest, &store.gate);
         pinned.map_err(failed(&store.root, "write", &store.root))?;
         let file = FileRef { name: name.to_owned(), digest, bytes: self.bytes };

@@ -9,7 +9,7 @@ use serde_json::Value;
 use super::damage::{Damage, Damaged};
 use super::error::failed;
 use super::file::{fanned, list_fanned};
-use super::seal::{self, Unread};
+use super::seal::{self, Received, Unread};
 use super::{Artifact, Digest, Key, Store, StoreError};
 
 /// The digests at one port.
@@ -230,10 +230,32 @@ impl Serialize for Sorted<'_> {
 }
 
 impl Record {
-    fn to_text(&self) -> Vec<u8> {
+    /// Returns the record as it is written: sealed, so that whoever reads it sees whether it is whole.
+    #[must_use]
+    pub fn to_text(&self) -> Vec<u8> {
         let making = self.making.as_ref();
         let stored = Stored { format: seal::FORMAT, recipe: &self.recipe, artifact: &self.artifact, making };
         seal::seal(serde_json::to_vec_pretty(&stored).expect("a record is JSON: its keys are strings"))
+    }
+
+    /// Reads a record that came from elsewhere, and holds it against its seal and its key.
+    #[must_use]
+    pub fn from_text(key: &Key, text: &[u8]) -> Received<Self> {
+        match unsealed(key, seal::unseal(text)) {
+            Ok(record) => Received::Good(record),
+            Err(Unread::Newer { .. }) => Received::Newer,
+            Err(_) => Received::Damaged,
+        }
+    }
+}
+
+/// Holds a record against its key.
+fn unsealed(key: &Key, read: Result<(Record, u32), Unread>) -> Result<Record, Unread> {
+    match read? {
+        (record, _) if record.recipe.key() == *key => Ok(record),
+        // A recipe that says more has another key.
+        (_, found) if found > seal::FORMAT => Err(Unread::Newer { found }),
+        _ => Err(Unread::Damaged(serde::de::Error::custom("its recipe has another key"))),
     }
 }
 
@@ -283,12 +305,7 @@ impl Store {
 
     /// Reads and checks a record; notes nothing, sets nothing aside.
     pub(super) fn read_record(&self, key: &Key) -> Result<Record, Unread> {
-        match seal::read::<Record>(&self.recipe_path(key))? {
-            (record, _) if record.recipe.key() == *key => Ok(record),
-            // A recipe that says more has another key.
-            (_, found) if found > seal::FORMAT => Err(Unread::Newer { found }),
-            _ => Err(Unread::Damaged(serde::de::Error::custom("its recipe has another key"))),
-        }
+        unsealed(key, seal::read::<Record>(&self.recipe_path(key)))
     }
 
     /// Sets a recipe aside and says whose it is.

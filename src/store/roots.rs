@@ -17,13 +17,16 @@ use super::{Role, Store, StoreError};
 
 /// What must stay.
 #[derive(Debug, Default)]
-pub(super) struct Reached {
-    pub(super) objects: BTreeSet<Digest>,
-    pub(super) recipes: BTreeSet<Key>,
+pub struct Reached {
+    /// Objects.
+    pub objects: BTreeSet<Digest>,
+    /// Recipes.
+    pub recipes: BTreeSet<Key>,
 }
 
 /// Picks the runs that count from all, which come newest first; so many of the newest full ones of each pipeline, at least one.
-pub(super) fn roots(runs: &[RunSummary], keep_last: usize) -> Vec<&RunSummary> {
+#[must_use]
+pub fn roots(runs: &[RunSummary], keep_last: usize) -> Vec<&RunSummary> {
     let (mut newest, mut full): (Vec<&RunSummary>, Vec<&RunSummary>) = (Vec::new(), Vec::new());
     let mut roots = Vec::new();
     for run in runs {
@@ -46,7 +49,7 @@ pub(super) fn roots(runs: &[RunSummary], keep_last: usize) -> Vec<&RunSummary> {
 impl Reached {
     /// Adds what a run reaches: all recipes, and the objects of all nodes; of a run that finished, without the steps before the
     /// last, which only a run that goes on there needs.
-    pub(super) fn add_run(&mut self, run: &Run) {
+    pub fn add_run(&mut self, run: &Run) {
         let mut last: BTreeMap<&str, (Option<u32>, &Artifact)> = BTreeMap::new();
         for node in &run.nodes {
             self.recipes.extend(node.key);

@@ -13,7 +13,7 @@ use serde_json::ser::Formatter;
 
 use super::error::failed;
 use super::file::check_name;
-use super::seal::{self, Unread};
+use super::seal::{self, Received, Unread};
 use super::session::is_living;
 use super::{Artifact, Key, NodeName, Role, Store, StoreError};
 
@@ -165,6 +165,12 @@ pub struct RunNode {
     /// How much work it was, in the stage's own unit.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub amount: Option<f64>,
+    /// How many bytes were brought for it from a store elsewhere, if what it makes was found there; it is a hit then.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pulled: Option<u64>,
+    /// Whether the objects of a hit were not here, since nothing that ran needed them.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub absent: bool,
     /// Names of the nodes it reads.
     pub inputs: Vec<String>,
     /// Why it failed.
@@ -198,6 +204,35 @@ impl Run {
         // Records of the first format do not say what was asked for.
         let skipped = || self.nodes.iter().any(|node| node.outcome == Outcome::Skipped);
         self.status == RunStatus::Finished && self.is_whole() && !skipped()
+    }
+
+    /// Returns the record as it is written: sealed, so that whoever reads it sees whether it is whole.
+    #[must_use]
+    pub fn to_text(&self) -> Vec<u8> {
+        let mut text = Vec::with_capacity(1 << 16);
+        let mut serializer = serde_json::Serializer::with_formatter(&mut text, Lines::default());
+        let stored = Stored { format: seal::FORMAT, run: self };
+        stored.serialize(&mut serializer).expect("a run is JSON: its keys are strings");
+        seal::seal(text)
+    }
+
+    /// Reads the record of a run that came from elsewhere, and holds it against its seal and its id.
+    #[must_use]
+    pub fn from_text(id: &str, text: &[u8]) -> Received<Self> {
+        match seal::unseal::<Self>(text) {
+            Ok((run, _)) if run.id == id && check_name("run", id).is_ok() => Received::Good(run),
+            Err(Unread::Newer { .. }) => Received::Newer,
+            _ => Received::Damaged,
+        }
+    }
+}
+
+impl RunNode {
+    /// Tells whether what it made must be there for its run to be whole: the steps before the last are `gc`'s to take, and
+    /// what was absent when it ran was not needed.
+    #[must_use]
+    pub fn is_needed(&self) -> bool {
+        self.role != Role::Step && !self.absent
     }
 }
 
@@ -234,13 +269,9 @@ impl Store {
 
     /// Writes the record alone.
     pub(super) fn put_run(&self, run: &Run) -> Result<(), StoreError> {
-        let mut text = Vec::with_capacity(1 << 16);
-        let mut serializer = serde_json::Serializer::with_formatter(&mut text, Lines::default());
-        let stored = Stored { format: seal::FORMAT, run };
-        stored.serialize(&mut serializer).expect("a run is JSON: its keys are strings");
         let path = self.record_path(&run.id);
         self.make_way(&path)?;
-        self.write_record(&path, &seal::seal(text))
+        self.write_record(&path, &run.to_text())
     }
 
     /// Reads the record of a run by its id, the beginning of it, a tag, or `latest`: the newest that has ended.

@@ -67,6 +67,9 @@ pub struct RunSummary {
     pub ran: u64,
     /// Nodes that were in the store.
     pub hit: u64,
+    /// Those of them that were found in a store elsewhere.
+    #[serde(default)]
+    pub pulled: u64,
     /// Nodes that failed.
     pub failed: u64,
     /// Nodes that were not tried.
@@ -74,7 +77,9 @@ pub struct RunSummary {
 }
 
 impl RunSummary {
-    pub(super) fn of(run: &Run) -> Self {
+    /// Sums up a run.
+    #[must_use]
+    pub fn of(run: &Run) -> Self {
         let count = |outcome| run.nodes.iter().filter(|node| node.outcome == outcome).count() as u64;
         Self {
             id: run.id.clone(),
@@ -96,6 +101,7 @@ impl RunSummary {
             tags: Vec::new(),
             ran: count(Outcome::Ran),
             hit: count(Outcome::Hit),
+            pulled: run.nodes.iter().filter(|node| node.pulled.is_some()).count() as u64,
             failed: count(Outcome::Failed),
             skipped: count(Outcome::Skipped),
         }

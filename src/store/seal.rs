@@ -42,6 +42,17 @@ const fn first() -> u32 {
     1
 }
 
+/// What a record turned out to be that came from elsewhere.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Received<T> {
+    /// What was written there.
+    Good(T),
+    /// A newer version wrote it, and this one does not understand it.
+    Newer,
+    /// It is no record, or not what was written.
+    Damaged,
+}
+
 /// Why a record cannot be had.
 #[derive(Debug)]
 pub(super) enum Unread {

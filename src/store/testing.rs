@@ -44,6 +44,8 @@ pub(super) fn node(name: &str, artifact: &Artifact, key: Key) -> RunNode {
         artifact: Some(artifact.clone()),
         wall_s: 0.25,
         amount: None,
+        pulled: None,
+        absent: false,
         inputs: vec!["visits".to_owned()],
         error: None,
     }

@@ -17,7 +17,7 @@ use super::object::{ATTEMPTS, digest_of};
 use super::roots::roots;
 use super::run::Run;
 use super::seal::Unread;
-use super::{Artifact, Digest, Key, Role, Store, StoreError};
+use super::{Artifact, Digest, Key, Store, StoreError};
 
 /// How long it waits before it reads again what could not be read.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -184,7 +184,7 @@ impl Store {
     /// Notes what a run yielded and is not there.
     pub(super) fn note_missing(&self, run: &Run, damaged: &[Digest], missing: &mut BTreeMap<Digest, Vec<String>>) {
         // The steps before the last are `gc`'s to take.
-        for node in run.nodes.iter().filter(|node| node.role != Role::Step) {
+        for node in run.nodes.iter().filter(|node| node.is_needed()) {
             for digest in node.artifact.iter().flat_map(Artifact::objects) {
                 if !damaged.contains(&digest) && fs::symlink_metadata(self.path_of(&digest)).is_err() {
                     let names = missing.entry(digest).or_default();

@@ -49,7 +49,7 @@ fn shown(plan: &Plan) -> String {
             State::Depends(on) => {
                 Some(format!("{}: depends on {}\n", task.name, on.iter().map(name).collect::<Vec<_>>().join(", ")))
             }
-            State::Hit { .. } | State::OutOfScope => None,
+            State::Hit { .. } | State::Pull { .. } | State::OutOfScope => None,
         })
         .collect()
 }
@@ -138,6 +138,7 @@ fn runs_keep_to_their_plans() {
                 State::Run(_) => assert!(ran.contains(&task.name.as_str()), "`{}` was to run", task.name),
                 State::Hit { .. } => assert!(hits.contains(&task.name.as_str()), "`{}` was to be a hit", task.name),
                 State::Depends(_) => {}
+                State::Pull { .. } => panic!("there is no store elsewhere"),
                 State::OutOfScope => panic!("everything was asked for"),
             }
         }

@@ -1,5 +1,6 @@
 //! Stages of a few lines that write text, to test the engine with: no crowd, no tensor, no Parquet.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -77,6 +78,9 @@ pub struct Common {
     random: bool,
     /// A file to read.
     file: Option<PathBuf>,
+    /// What computes; it changes the bytes, and is known to the others as `red` and `blue`.
+    #[serde(skip_serializing)]
+    device: String,
     /// Asks to be alone.
     exclusive: bool,
     /// Asks for that many bytes.
@@ -107,10 +111,15 @@ impl Default for Common {
             panic: false,
             random: false,
             file: None,
+            device: String::new(),
             exclusive: false,
             memory: 1 << 20,
         }
     }
+}
+
+fn named(device: String) -> (String, String) {
+    ("device".to_owned(), device)
 }
 
 #[derive(Debug)]
@@ -200,6 +209,19 @@ impl Stage for Toy {
         // As a path, it must not enter the recipe: the content does.
         common.file = None;
         serde_json::to_value(common).expect("parameters are JSON")
+    }
+
+    fn environment(&self) -> BTreeMap<String, String> {
+        let device = self.common.device.clone();
+        Some(device).filter(|device| !device.is_empty()).map(named).into_iter().collect()
+    }
+
+    fn environments(&self) -> Vec<BTreeMap<String, String>> {
+        ["red", "blue"].map(|device| BTreeMap::from([named(device.to_owned())])).to_vec()
+    }
+
+    fn sharing_advice(&self) -> Option<&'static str> {
+        Some("paint it")
     }
 
     fn part_parameters(&self, part: Part) -> Value {

@@ -63,8 +63,14 @@ fn keep_going_runs_the_rest_but_feeds_nobody_half_a_group() {
 fn an_interrupted_run_stops_soon_and_the_next_goes_on() {
     let place = Place::new();
     let cancelled = AtomicBool::new(false);
-    let options =
-        Options { jobs: 2, memory: 1 << 30, keep_going: false, selection: Selection::default(), cancelled: &cancelled };
+    let options = Options {
+        jobs: 2,
+        memory: 1 << 30,
+        keep_going: false,
+        selection: Selection::default(),
+        remote: None,
+        cancelled: &cancelled,
+    };
     let mut sink = |event: &Event| {
         if matches!(event, Event::NodeStarted { node, .. } if node == "model/epoch-02") {
             cancelled.store(true, Ordering::Relaxed);
@@ -153,6 +159,7 @@ fn a_source_file_that_changes_meanwhile_is_an_error() {
         memory: 1 << 30,
         keep_going: false,
         selection: Selection::default(),
+        remote: None,
         cancelled: &super::NEVER,
     };
     let mut sink = |event: &Event| {

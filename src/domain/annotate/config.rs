@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::domain::map::Shown;
-use crate::domain::unet::DeviceName;
+use crate::domain::unet::{DeviceName, Simd};
 
 /// Parameters of annotation; each may be left out.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -36,6 +36,10 @@ pub struct AnnotateFields {
     pub shown: Shown,
     /// What computes.
     pub device: DeviceName,
+    /// The instruction set it computes with, so that machines share results: `portable` is the same on every one, and slower;
+    /// by default the best there is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simd: Option<Simd>,
 }
 
 /// The name of a [`Mode`].
@@ -96,13 +100,15 @@ impl TryFrom<AnnotateFields> for AnnotateConfig {
                 })
             }
         };
-        Ok(Self { mode, normalize: fields.normalize, shown: fields.shown, device: fields.device })
+        let AnnotateFields { normalize, shown, device, simd, .. } = fields;
+        Ok(Self { mode, normalize, shown, device, simd })
     }
 }
 
 impl From<AnnotateConfig> for AnnotateFields {
     fn from(config: AnnotateConfig) -> Self {
-        let own = Self { normalize: config.normalize, shown: config.shown, device: config.device, ..Self::default() };
+        let AnnotateConfig { normalize, shown, device, simd, .. } = config;
+        let own = Self { normalize, shown, device, simd, ..Self::default() };
         let exact =
             |overlap, stride| Self { mode: Some(ModeName::Exact), overlap: Some(overlap), stride, ..own.clone() };
         match config.mode {
@@ -170,6 +176,8 @@ pub struct AnnotateConfig {
     pub shown: Shown,
     /// What computes.
     pub device: DeviceName,
+    /// The instruction set it computes with; by default the best there is.
+    pub simd: Option<Simd>,
 }
 
 impl Default for Mode {

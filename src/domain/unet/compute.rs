@@ -50,7 +50,8 @@ impl fmt::Display for DeviceName {
 }
 
 /// An instruction set that the kernels are written for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "lowercase")]
 pub enum Simd {
     /// 16 numbers at once, x86-64 with AVX-512.
     Avx512,

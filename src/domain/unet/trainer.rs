@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::UnetError;
 use super::architecture::Architecture;
 use super::batches::{Batch, Order};
-use super::compute::{Compute, DeviceName};
+use super::compute::{Compute, DeviceName, Simd};
 use super::fit::Fit;
 use super::layers::{Array, Arrays};
 use super::learner::Learner;
@@ -49,6 +49,10 @@ pub struct TrainConfig {
     pub pick: Pick,
     /// What computes.
     pub device: DeviceName,
+    /// The instruction set it computes with, so that machines share results: `portable` is the same on every one, and slower;
+    /// by default the best there is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simd: Option<Simd>,
 }
 
 /// Which epoch's network is kept.
@@ -92,6 +96,7 @@ impl Default for TrainConfig {
             average: None,
             pick: Pick::Last,
             device: DeviceName::default(),
+            simd: None,
         }
     }
 }

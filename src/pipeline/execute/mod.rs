@@ -6,6 +6,7 @@
 
 mod clock;
 mod damages;
+mod exchange;
 mod foresight;
 mod options;
 mod recheck;
@@ -13,6 +14,7 @@ mod record;
 mod recorder;
 mod run_report;
 mod scheduler;
+mod transfers;
 mod worker;
 
 use super::error::PipelineError;
@@ -42,7 +44,8 @@ pub fn execute(
 ) -> Result<RunReport, PipelineError> {
     let begun = clock::Begun::now();
     let graph = Graph::new(pipeline)?;
-    let ledger = Ledger::new(&graph, store, options.selection.scope(&graph)?, false)?;
+    let scope = options.selection.scope(&graph)?;
+    let ledger = Ledger::new(&graph, store, scope, (false, options.remote.is_some()))?;
     let recorder = recorder::Recorder::new(store, pipeline, options, begun);
     let mut scheduler = scheduler::Scheduler::new(store, options, ledger, recorder, sink);
     scheduler.begin();

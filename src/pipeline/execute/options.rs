@@ -3,6 +3,7 @@
 use std::sync::atomic::AtomicBool;
 
 use crate::pipeline::selection::Selection;
+use crate::store::Peer;
 
 /// How to run.
 #[derive(Debug, Clone)]
@@ -15,6 +16,8 @@ pub struct Options<'a> {
     pub keep_going: bool,
     /// What is run.
     pub selection: Selection,
+    /// A store elsewhere that is asked for what would have to be made, and given what was.
+    pub remote: Option<&'a dyn Peer>,
     /// Set from outside to stop at the next safe point.
     pub cancelled: &'a AtomicBool,
 }

@@ -63,16 +63,16 @@ pub fn recheck(
     if tasks.is_empty() {
         return Err(PipelineError::NothingOnRecord);
     }
-    let ledger = Ledger::new(&graph, store, Scope::again(&graph, &tasks), false)?;
+    let ledger = Ledger::new(&graph, store, Scope::again(&graph, &tasks), (false, false))?;
     let recorder = Recorder::silent(store, pipeline, options, begun);
     let mut scheduler = Scheduler::new(store, options, ledger, recorder, sink).beside();
     scheduler.begin();
     scheduler.run()?;
     store.save_sources()?;
     let status = scheduler.status();
-    let Counts { ran, hit, failed, skipped } = scheduler.counts;
+    let Counts { ran, hit, failed, skipped, .. } = scheduler.counts;
     let (id, wall_s) = (scheduler.recorder.id().to_owned(), began.elapsed().as_secs_f64());
-    (scheduler.sink)(&Event::Run { ran, hit, failed, skipped, wall_s, id, status });
+    (scheduler.sink)(&Event::Run { ran, hit, failed, skipped, wall_s, id, status, shared: None });
     Ok(RecheckReport {
         checked: scheduler.checked.take().unwrap_or_default().into_values().collect(),
         unmade: unmade.into_iter().map(|task| plan.tasks[task].name.clone()).collect(),

@@ -3,7 +3,8 @@
 use super::scheduler::Scheduler;
 use super::{Failure, RunReport};
 use crate::pipeline::error::PipelineError;
-use crate::pipeline::event::Event;
+use crate::pipeline::event::{Event, Traffic};
+use crate::pipeline::ledger::Status;
 use crate::store::{LatestEntry, Outcome, Role, RunNode, RunStatus, StoreError};
 
 impl Scheduler<'_> {
@@ -51,6 +52,8 @@ impl Scheduler<'_> {
             artifact: self.ledger.artifacts[task].clone(),
             wall_s,
             amount: (outcome == Outcome::Ran).then(|| graph.amount(task)),
+            pulled: self.exchange.pulled[task].filter(|_| outcome == Outcome::Hit),
+            absent: outcome == Outcome::Hit && self.ledger.status[task] == Status::Absent,
             inputs: of.reads.iter().map(|read| graph.tasks[*read].name.to_string()).collect(),
             error,
         }
@@ -76,6 +79,8 @@ pub(super) fn close(mut scheduler: Scheduler) -> Result<RunReport, PipelineError
     let run = scheduler.recorder.now(status, nodes, std::mem::take(&mut scheduler.warnings));
     store.write_run(&run)?;
     let counts = scheduler.counts;
+    let traffic = Traffic { pulled: counts.pulled, ..scheduler.exchange.traffic };
+    let shared = (traffic != Traffic::default()).then_some(traffic);
     (scheduler.sink)(&Event::Run {
         ran: counts.ran,
         hit: counts.hit,
@@ -84,9 +89,10 @@ pub(super) fn close(mut scheduler: Scheduler) -> Result<RunReport, PipelineError
         wall_s: run.wall_s,
         id: run.id.clone(),
         status,
+        shared,
     });
     let advice = advice(status, &scheduler.failures);
-    Ok(RunReport { run, failures: scheduler.failures, counts, advice })
+    Ok(RunReport { run, failures: scheduler.failures, counts, shared, advice })
 }
 
 fn advice(status: RunStatus, failures: &[Failure]) -> Option<String> {

@@ -1,6 +1,6 @@
 //! What a run reports to its caller, beside its record.
 
-use crate::pipeline::event::Counts;
+use crate::pipeline::event::{Counts, Traffic};
 use crate::store::{Artifact, NodeName, Run};
 
 /// What came of a run.
@@ -12,6 +12,8 @@ pub struct RunReport {
     pub failures: Vec<Failure>,
     /// Without what was not asked for.
     pub counts: Counts,
+    /// What came from a store elsewhere and what went there, if anything did.
+    pub shared: Option<Traffic>,
     /// How to go on after an interruption or a failure.
     pub advice: Option<String>,
 }

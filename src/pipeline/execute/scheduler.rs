@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use super::damages::damage_text;
 use super::recorder::Recorder;
+use super::transfers::{Exchange, Pool};
 use super::worker::{Assignment, Made, Message, Trouble, inputs};
 use super::{Failure, Options, Rechecked};
 use crate::pipeline::error::PipelineError;
@@ -15,7 +16,7 @@ use crate::pipeline::event::{Counts, Event};
 use crate::pipeline::graph::Work;
 use crate::pipeline::ledger::{Ledger, Reason, Status};
 use crate::pipeline::stage::Needs;
-use crate::store::{Outcome, Store, StoreError};
+use crate::store::{Outcome, Peer, Store, StoreError};
 
 /// How often a request to stop is looked for.
 const LISTEN: Duration = Duration::from_millis(50);
@@ -37,7 +38,7 @@ pub(super) struct End {
 /// The state of a run.
 pub(super) struct Scheduler<'a> {
     store: &'a Store,
-    options: &'a Options<'a>,
+    pub options: &'a Options<'a>,
     pub ledger: Ledger<'a>,
     pub recorder: Recorder<'a>,
     pub sink: &'a mut dyn FnMut(&Event),
@@ -59,6 +60,7 @@ pub(super) struct Scheduler<'a> {
     pub checked: Option<BTreeMap<usize, Rechecked>>,
     /// Whether nothing new is started any more.
     stopping: bool,
+    pub exchange: Exchange,
 }
 
 impl<'a> Scheduler<'a> {
@@ -70,6 +72,7 @@ impl<'a> Scheduler<'a> {
         sink: &'a mut dyn FnMut(&Event),
     ) -> Self {
         let ends = ledger.status.iter().map(|_| None).collect();
+        let exchange = Exchange::new(ledger.status.len());
         Self {
             store,
             options,
@@ -88,6 +91,7 @@ impl<'a> Scheduler<'a> {
             warnings: Vec::new(),
             checked: None,
             stopping: false,
+            exchange,
         }
     }
 
@@ -126,22 +130,17 @@ impl<'a> Scheduler<'a> {
     /// Runs until nothing is left that can run.
     pub(super) fn run(&mut self) -> Result<(), PipelineError> {
         let (sender, receiver) = channel();
+        let pool = Pool::default();
         std::thread::scope(|scope| {
-            loop {
-                self.settle();
-                self.stopping |= self.is_cancelled();
-                if self.stopping {
-                    self.ready.clear();
-                    self.aside.clear();
-                } else if self.start(scope, &sender)? {
-                    continue;
+            let done = loop {
+                match self.turn(scope, &pool, (&sender, &receiver)) {
+                    Ok(true) => {}
+                    Ok(false) => break Ok(()),
+                    Err(error) => break Err(error),
                 }
-                if self.running.is_empty() && self.ready.is_empty() && self.aside.is_empty() {
-                    break Ok::<(), PipelineError>(());
-                }
-                self.listen(&receiver);
-                self.update_record();
-            }
+            };
+            pool.close();
+            done
         })?;
         while let Ok(message) = receiver.try_recv() {
             self.hear(message);
@@ -151,16 +150,56 @@ impl<'a> Scheduler<'a> {
         Ok(())
     }
 
+    /// Starts what can start and waits for what happens next; returns whether anything is left to wait for.
+    fn turn<'scope>(
+        &mut self,
+        scope: &'scope Scope<'scope, '_>,
+        pool: &'scope Pool,
+        (sender, receiver): (&Sender<Message>, &Receiver<Message>),
+    ) -> Result<bool, PipelineError>
+    where
+        'a: 'scope,
+    {
+        self.settle();
+        self.stopping |= self.is_cancelled();
+        if self.stopping {
+            self.ready.clear();
+            self.aside.clear();
+            self.give_up(pool);
+        }
+        self.dispatch(scope, pool, sender)?;
+        if !self.stopping && self.start(scope, sender)? {
+            return Ok(true);
+        }
+        let idle = self.running.is_empty() && self.ready.is_empty() && self.aside.is_empty();
+        if idle && self.exchange.is_idle() {
+            return Ok(false);
+        }
+        self.listen(receiver);
+        self.update_record();
+        Ok(true)
+    }
+
+    /// Lets a task that must run start as soon as there is room.
+    pub(super) fn make_ready(&mut self, task: usize) {
+        self.ready.insert(task);
+    }
+
     /// Takes note of all tasks whose inputs have become known.
     fn settle(&mut self) {
         for task in self.ledger.advance() {
             match self.ledger.status[task] {
                 Status::Hit => self.end(task, Outcome::Hit, 0.0, None, None),
                 Status::Todo(_) => {
-                    self.ready.insert(task);
+                    self.look_for_others(task);
+                    self.make_ready(task);
                 }
+                Status::Asking(_) => self.exchange.asks.push(task),
                 _ => {}
             }
+        }
+        for news in self.options.remote.map(Peer::news).unwrap_or_default() {
+            self.warn(None, news);
         }
         for damage in self.store.take_damages() {
             self.warn(None, damage_text(&damage));
@@ -293,6 +332,7 @@ impl<'a> Scheduler<'a> {
             }
             Message::Odd { task, message } => self.warn(Some(task), message),
             Message::Foreseen(foreseen) => self.recorder.run.foreseen = Some(foreseen),
+            Message::Moved(moved) => self.moved(moved),
             Message::Ended { task, wall_s, result } => {
                 self.running.remove(&task);
                 self.try_again.1 = SOON;
@@ -323,10 +363,11 @@ impl<'a> Scheduler<'a> {
             checked.insert(task, Rechecked { node, now: (now != before).then_some(now), before });
         }
         self.ledger.finish(task, made.artifact, true);
+        self.give(task);
         self.end(task, Outcome::Ran, wall_s, None, None);
     }
 
-    fn fail(&mut self, task: usize, wall_s: f64, trouble: Trouble) {
+    pub(super) fn fail(&mut self, task: usize, wall_s: f64, trouble: Trouble) {
         let (message, help, damaged) = match trouble {
             Trouble::Cancelled if self.is_cancelled() => {
                 self.ledger.status[task] = Status::Skipped;
@@ -359,10 +400,18 @@ impl<'a> Scheduler<'a> {
         }
     }
 
-    fn end(&mut self, task: usize, outcome: Outcome, wall_s: f64, error: Option<String>, help: Option<String>) {
+    pub(super) fn end(
+        &mut self,
+        task: usize,
+        outcome: Outcome,
+        wall_s: f64,
+        error: Option<String>,
+        help: Option<String>,
+    ) {
         let (of, node) = (&self.ledger.graph.tasks[task], self.ledger.graph.node(task));
         let made = matches!(outcome, Outcome::Ran | Outcome::Hit);
         let digest = self.ledger.artifacts[task].as_ref().filter(|_| made).map(|artifact| artifact.digest);
+        let pulled = self.exchange.pulled[task].filter(|_| outcome == Outcome::Hit);
         // Before anybody is told: what is told to be done is not lost.
         if let Some(key) = self.ledger.keys[task].filter(|_| made) {
             self.recorder.note(task, &key);
@@ -375,10 +424,12 @@ impl<'a> Scheduler<'a> {
             stage: node.spec.name.to_string(),
             kind: node.spec.output.name.to_string(),
             wall_s,
+            pulled,
             error: error.clone(),
             help,
         });
         self.counts.add(outcome);
+        self.counts.pulled += usize::from(pulled.is_some());
         self.ends[task] = Some(End { outcome, wall_s, error });
     }
 

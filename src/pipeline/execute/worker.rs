@@ -9,6 +9,7 @@ use std::sync::mpsc::Sender;
 use std::time::Instant;
 
 use super::clock::timestamp;
+use super::transfers::Moved;
 use crate::pipeline::error::causes;
 use crate::pipeline::graph::{Task, Work, extensions};
 use crate::pipeline::ledger::{Ledger, Sources};
@@ -31,6 +32,7 @@ pub(super) enum Message {
     },
     /// What the run will take.
     Foreseen(Foreseen),
+    Moved(Moved),
     Ended {
         task: usize,
         wall_s: f64,

@@ -43,7 +43,7 @@ pub(super) fn work(plan: &Plan) -> Vec<Work> {
 /// Returns the size of what a plan's task is on record with.
 fn done(state: &State) -> WorkState {
     match state {
-        State::Hit { artifact } => WorkState::Done(artifact.bytes()),
+        State::Hit { artifact } | State::Pull { artifact } => WorkState::Done(artifact.bytes()),
         State::Run(_) => WorkState::Runs,
         State::Depends(_) => WorkState::Depends,
         State::OutOfScope => WorkState::Outside,
@@ -141,7 +141,7 @@ fn hits(plan: &Plan, work: &[Work]) -> Vec<Observation> {
         _ => None,
     };
     let observe = |(task, work): (&crate::pipeline::plan::PlannedTask, &Work)| {
-        let State::Hit { artifact } = &task.state else { return None };
+        let (State::Hit { artifact } | State::Pull { artifact }) = &task.state else { return None };
         Some(Observation {
             name: work.name.clone(),
             group: work.group.clone(),
@@ -177,7 +177,7 @@ fn remembered(
 /// hardly changes whether a stage uses all threads.
 pub(super) fn mark_exclusive(graph: &Graph, plan: &Plan, gathered: &Gathered, store: &Store, work: &mut [Work]) {
     let artifact = |task: usize| match &plan.tasks[task].state {
-        State::Hit { artifact } => Some(artifact.clone()),
+        State::Hit { artifact } | State::Pull { artifact } => Some(artifact.clone()),
         _ => gathered.artifacts.get(&plan.tasks[task].name).cloned(),
     };
     let mut known: BTreeMap<(String, Group), bool> = BTreeMap::new();

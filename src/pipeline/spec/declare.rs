@@ -12,7 +12,7 @@ use super::reference::Reference;
 use super::sections::{self, KnownSources, Sections};
 use super::sweep::SWEEP;
 use super::tree::{Data, Member, Tree, object};
-use super::{Request, names, parameters, suggest};
+use super::{RemoteStore, Request, names, parameters, remote, suggest};
 use crate::pipeline::error::{Problem, Span};
 use crate::pipeline::stage::{Arity, Division, Entry, Port, Register, Stage, StageSpec, Surroundings};
 
@@ -20,12 +20,13 @@ use crate::pipeline::stage::{Arity, Division, Entry, Port, Register, Stage, Stag
 const INPUTS: &str = "inputs";
 
 /// The keys of every pipeline file; those of the sections come from the register.
-const KEYS: [&str; 4] = ["name", "seed", "stages", SWEEP];
+const KEYS: [&str; 5] = ["name", "seed", "store", "stages", SWEEP];
 
 /// What the file declares.
 pub(super) struct Declared {
     pub name: Option<String>,
     pub seed: u64,
+    pub remote: Option<RemoteStore>,
     pub sections: Arc<Sections>,
     pub stages: Vec<Arc<Use>>,
 }
@@ -76,6 +77,7 @@ impl<'a> Declarer<'a> {
         }
         let name = tree.get("name").and_then(|member| keep(read_name(member), &mut problems));
         let seed = tree.get("seed").and_then(|member| keep(read_seed(&member.value), &mut problems)).unwrap_or(0);
+        let remote = tree.get("store").and_then(|member| remote::read(&member.value, &mut problems));
         let folder = self.request.file.parent().unwrap_or_else(|| Path::new(""));
         let surroundings = Surroundings { folder, inputs: &[], register, variables: self.request.variables };
         let sections = self.read_sections(tree, &surroundings, &mut problems);
@@ -88,7 +90,7 @@ impl<'a> Declarer<'a> {
             }
             None => Vec::new(),
         };
-        if problems.is_empty() { Ok(Declared { name, seed, sections, stages }) } else { Err(problems) }
+        if problems.is_empty() { Ok(Declared { name, seed, remote, sections, stages }) } else { Err(problems) }
     }
 
     fn read_sections(

@@ -13,6 +13,7 @@ mod overrides;
 mod parameters;
 mod pipeline;
 mod reference;
+mod remote;
 mod request;
 mod scalar;
 mod sections;
@@ -36,7 +37,7 @@ use sweep::{Point, Sweep};
 use tree::Tree;
 
 pub(crate) use pipeline::MOST_TASKS;
-pub use pipeline::{Connection, Group, Node, Pipeline, Variant, Wire};
+pub use pipeline::{Connection, Group, Node, Pipeline, RemoteStore, Variant, Wire};
 pub use request::Request;
 
 /// The largest pipeline file: far more than anybody writes, and no more than can be checked in a moment.
@@ -140,6 +141,7 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         axes: request.axes.to_vec(),
         source: settings + text,
         seed: declared.seed,
+        remote: declared.remote.clone(),
         groups,
         nodes: connector.finish(),
         variants: made,

@@ -25,12 +25,23 @@ pub struct Pipeline {
     pub source: String,
     /// The seed of all nodes that name none of their own.
     pub seed: u64,
+    /// The store elsewhere that the file names.
+    pub remote: Option<RemoteStore>,
     /// The groups of what it starts from, in order of the file.
     pub groups: Vec<Group>,
     /// All nodes; every node stands after those that it reads.
     pub nodes: Vec<Node>,
     /// What a sweep goes through, in its order; empty without one.
     pub variants: Vec<Variant>,
+}
+
+/// A store elsewhere, as a pipeline file names it; no key depends on it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct RemoteStore {
+    /// Its address; a relative folder lies beside the file.
+    pub address: String,
+    /// Whether nothing is given to it.
+    pub read_only: bool,
 }
 
 /// One variant of a swept pipeline. Nodes that are the same in several variants are one node.

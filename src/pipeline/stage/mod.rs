@@ -133,6 +133,17 @@ pub trait Stage: Send + Sync + std::fmt::Debug {
         BTreeMap::new()
     }
 
+    /// Returns the environments in which others may have made the same, as far as they are known by name: the plan looks there
+    /// to say that a node is missed only for that.
+    fn environments(&self) -> Vec<BTreeMap<String, String>> {
+        Vec::new()
+    }
+
+    /// Returns what makes the environment the same everywhere, as advice.
+    fn sharing_advice(&self) -> Option<&'static str> {
+        None
+    }
+
     /// Returns what a part asks of the machine; the sizes of its inputs tell most of it.
     ///
     /// It is asked on the thread that starts all tasks, so it may look at no more than sizes and headers. What cannot be

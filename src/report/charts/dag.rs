@@ -63,7 +63,7 @@ fn left(column: usize) -> f64 {
 }
 
 fn draw(svg: &mut Svg, stage: &StageBox, [x, y]: [f64; 2]) {
-    let Counts { ran, hit, failed, skipped } = stage.counts;
+    let Counts { ran, hit, failed, skipped, .. } = stage.counts;
     let class = if failed > 0 {
         "stage failed"
     } else if ran > 0 {

@@ -64,6 +64,7 @@ fn groups<'r>(lineage: &Lineage<'r>) -> Vec<Group<'r>> {
         let group = &mut groups[at];
         group.nodes.push(node);
         group.counts.add(node.outcome);
+        group.counts.pulled += usize::from(node.pulled.is_some());
         if matches!(node.outcome, Outcome::Ran | Outcome::Failed) {
             group.wall_s += node.wall_s;
         }
@@ -140,6 +141,7 @@ fn table(group: &Group<'_>) -> Markup {
 fn row(node: &RunNode) -> Markup {
     let (class, outcome) = match node.outcome {
         Outcome::Ran => ("ran", "ran"),
+        Outcome::Hit if node.pulled.is_some() => ("hit", "pulled"),
         Outcome::Hit => ("hit", "hit"),
         Outcome::Failed => ("bad", "failed"),
         Outcome::Skipped => ("left", "skipped"),

@@ -59,6 +59,8 @@ impl Made {
         let node = NodeName::from(name);
         self.run.nodes.push(RunNode {
             amount: None,
+            pulled: None,
+            absent: false,
             role: node.role(),
             node,
             stage: record.recipe.stage.clone(),
