@@ -27,13 +27,13 @@ pub(super) fn open(address: &Address) -> Result<(Arc<dyn ObjectStore>, Path), Re
         Place::S3(bucket) | Place::Gcs(bucket) | Place::Azure(bucket) => bucket,
     };
     let prefix = Path::from_url_path(&bucket.prefix).map_err(|error| settings(error.into()))?;
-    let opened = match &address.place {
+    let opened: Result<Arc<dyn ObjectStore>, RemoteError> = match &address.place {
         #[cfg(feature = "s3")]
-        Place::S3(bucket) => cloud::s3(&bucket.url),
+        Place::S3(bucket) => cloud::s3(&bucket.url).map_err(settings),
         #[cfg(feature = "gcs")]
-        Place::Gcs(bucket) => cloud::gcs(&bucket.url),
+        Place::Gcs(bucket) => cloud::gcs(&bucket.url).map_err(settings),
         #[cfg(feature = "azure")]
-        Place::Azure(bucket) => cloud::azure(&bucket.url),
+        Place::Azure(bucket) => cloud::azure(&bucket.url).map_err(settings),
         #[cfg(not(all(feature = "s3", feature = "gcs", feature = "azure")))]
         other => {
             let feature = match other {
@@ -41,12 +41,12 @@ pub(super) fn open(address: &Address) -> Result<(Arc<dyn ObjectStore>, Path), Re
                 Place::Gcs(_) => "gcs",
                 _ => "azure",
             };
-            return Err(RemoteError::Feature { address: address.to_string(), feature });
+            Err(RemoteError::Feature { address: address.to_string(), feature })
         }
         #[cfg(all(feature = "s3", feature = "gcs", feature = "azure"))]
         Place::Folder(_) => unreachable!("a folder was opened above"),
     };
-    Ok((opened.map_err(settings)?, prefix))
+    Ok((opened?, prefix))
 }
 
 #[cfg(feature = "cloud")]
