@@ -86,7 +86,8 @@ fn stages_of_a_crate_of_ones_own_run_beside_ours() {
     // Its figures are those of its kind.
     let swept = place.out(&["sweep", "texts.yaml", "counts.shortest=1,3", "-q"]);
     let table = place.out(&["table", "--json"]);
-    assert!(swept.contains("top.words") && swept.contains("counts.different"), "{swept}");
+    // The two most frequent words are the same, and what does not differ has no column.
+    assert!(swept.contains("counts.different") && !swept.contains("top.words"), "{swept}");
     let rows: Vec<Value> = table
         .lines()
         .filter(|line| line.starts_with('{'))
