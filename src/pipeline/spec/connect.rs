@@ -1,16 +1,18 @@
 //! Follows references: orders the uses, finds cycles, checks kinds, and maps stages over groups.
 
-use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::declare::{Declared, Use};
 use super::labels::{Labels, Marks};
+use super::nodes::Nodes;
+use super::order::order;
 use super::reference::{Reference, Target};
 use super::sections::Sections;
 use super::{Connection, Group, Node, Wire, suggest};
 use crate::pipeline::error::{MOST_SHOWN, Problem};
 use crate::pipeline::stage::{Port, Section};
-use crate::store::{NodeName, VARIANT};
+use crate::store::NodeName;
 
 /// What a reference leads to.
 #[derive(Debug, Clone)]
@@ -19,31 +21,10 @@ enum Fed {
     Many(Arc<[usize]>),
 }
 
-/// Builds the nodes of a pipeline, or of all variants of one: what is the same in several of them is one node.
+/// Builds the nodes of a pipeline, or of all variants of one.
 pub(super) struct Connector<'a> {
     sections: &'a [Section],
-    nodes: Vec<Node>,
-    /// The nodes by what they are; only where there are variants.
-    known: Option<Known>,
-}
-
-/// What is known of nodes of other variants.
-#[derive(Default)]
-struct Known {
-    nodes: HashMap<Identity, usize>,
-    names: HashSet<String>,
-}
-
-/// What makes two nodes of two variants the same.
-#[derive(PartialEq, Eq, Hash)]
-struct Identity {
-    /// The use or the section.
-    owner: String,
-    member: Option<Arc<str>>,
-    /// The address of the stage: equal ones are shared.
-    stage: usize,
-    seed: Option<u64>,
-    inputs: Vec<Connection>,
+    nodes: Nodes,
 }
 
 /// The nodes of one variant.
@@ -56,17 +37,17 @@ pub(super) struct Connected {
 impl<'a> Connector<'a> {
     /// Begins without nodes; `many` tells whether there will be variants.
     pub(super) fn new(sections: &'a [Section], many: bool) -> Self {
-        Self { sections, nodes: Vec::new(), known: many.then(Known::default) }
+        Self { sections, nodes: Nodes::new(many) }
     }
 
     /// Returns all nodes.
     pub(super) fn finish(self) -> Vec<Node> {
-        self.nodes
+        self.nodes.list
     }
 
     /// Returns how many nodes there are.
     pub(super) const fn len(&self) -> usize {
-        self.nodes.len()
+        self.nodes.list.len()
     }
 
     /// Adds the nodes of what is declared; `labels` tells variants apart.
@@ -77,7 +58,7 @@ impl<'a> Connector<'a> {
             seed: declared.seed,
             sections: self.sections,
             groups: Vec::new(),
-            connector: self,
+            nodes: &mut self.nodes,
             marks,
             guesses: true,
             outputs: BTreeMap::new(),
@@ -105,137 +86,6 @@ impl<'a> Connector<'a> {
         let ends = if labels.is_empty() { Vec::new() } else { graph.ends() };
         Ok(Connected { groups: graph.groups, ends })
     }
-
-    /// Adds a node unless it is there; `marks` is what its name has if that is needed to tell it from others.
-    fn push(&mut self, node: Node, owner: &str, marks: &Marks) -> usize {
-        let Some(known) = &mut self.known else {
-            self.nodes.push(node);
-            return self.nodes.len() - 1;
-        };
-        let identity = Identity {
-            owner: owner.to_owned(),
-            member: node.member.clone(),
-            stage: Arc::as_ptr(&node.stage).cast::<()>().addr(),
-            seed: node.seed,
-            inputs: node.inputs.clone(),
-        };
-        if let Some(there) = known.nodes.get(&identity) {
-            return *there;
-        }
-        let named = |label: &str| match label {
-            "" => NodeName::new(owner, node.member.as_deref()),
-            label => NodeName::new(&format!("{owner}{VARIANT}{label}"), node.member.as_deref()),
-        };
-        let mut name = named(&marks.own);
-        if known.names.contains(name.as_str()) {
-            name = named(&marks.all);
-        }
-        let mut number = 1;
-        while !known.names.insert(name.to_string()) {
-            number += 1;
-            name = named(&format!("{},{number}", marks.all));
-        }
-        self.nodes.push(Node { name, ..node });
-        known.nodes.insert(identity, self.nodes.len() - 1);
-        self.nodes.len() - 1
-    }
-}
-
-/// Returns the uses so that each stands after those that it refers to, otherwise in order of the file.
-fn order(stages: &[Arc<Use>], sections: &[Section]) -> Result<Vec<usize>, Vec<Problem>> {
-    let mut problems = Vec::new();
-    let names: BTreeMap<&str, usize> =
-        stages.iter().enumerate().map(|(index, stage)| (stage.name.as_str(), index)).collect();
-    let mut reads = vec![Vec::new(); stages.len()];
-    for (index, stage) in stages.iter().enumerate() {
-        for (_, reference) in &stage.ports {
-            let Target::Stage(name) = &reference.target else { continue };
-            match names.get(name.as_str()) {
-                Some(target) => reads[index].push((*target, reference)),
-                // A guess looks at all names, and what is beyond the first problems is not shown.
-                None if problems.len() < MOST_SHOWN => problems.push(unknown_stage(name, reference, stages, sections)),
-                None => problems.push(Problem::new(reference.span, format!("the pipeline has no stage `{name}`"))),
-            }
-        }
-    }
-    if !problems.is_empty() {
-        return Err(problems);
-    }
-    let mut search =
-        Search { stages, reads: &reads, state: vec![State::New; stages.len()], path: Vec::new(), done: Vec::new() };
-    for index in 0..stages.len() {
-        search.visit(index).map_err(|problem| vec![problem])?;
-    }
-    Ok(search.done)
-}
-
-fn unknown_stage(name: &str, reference: &Reference, stages: &[Arc<Use>], sections: &[Section]) -> Problem {
-    let problem = Problem::new(reference.span, format!("the pipeline has no stage `{name}`"));
-    if sections.iter().any(|section| section.key == name) {
-        return problem.with_help(format!("did you mean `${name}`?"));
-    }
-    problem.with_help_from(suggest::help(name, stages.iter().map(|stage| stage.name.as_str())))
-}
-
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum State {
-    New,
-    Open,
-    Done,
-}
-
-/// A depth-first search that remembers its path, to name a cycle.
-struct Search<'a> {
-    stages: &'a [Arc<Use>],
-    reads: &'a [Vec<(usize, &'a Reference)>],
-    state: Vec<State>,
-    /// The open uses, each with how many of those that it reads were looked at.
-    path: Vec<(usize, usize)>,
-    done: Vec<usize>,
-}
-
-impl Search<'_> {
-    /// Visits a use and all that it reads at first or second hand. A chain of uses may be long: the path is a list, not
-    /// calls within calls.
-    fn visit(&mut self, index: usize) -> Result<(), Problem> {
-        if self.state[index] != State::Done {
-            self.open(index);
-        }
-        while let Some((here, next)) = self.path.last_mut() {
-            let here = *here;
-            let Some((target, reference)) = self.reads[here].get(*next) else {
-                self.path.pop();
-                self.state[here] = State::Done;
-                self.done.push(here);
-                continue;
-            };
-            *next += 1;
-            match self.state[*target] {
-                State::New => self.open(*target),
-                State::Open => return Err(self.cycle(*target, reference)),
-                State::Done => {}
-            }
-        }
-        Ok(())
-    }
-
-    fn open(&mut self, index: usize) {
-        self.state[index] = State::Open;
-        self.path.push((index, 0));
-    }
-
-    fn cycle(&self, target: usize, reference: &Reference) -> Problem {
-        let start = self.path.iter().position(|(index, _)| *index == target).expect("an open stage is on the path");
-        let cycle = self.path[start..].iter().map(|(index, _)| *index).chain([target]);
-        let chain: Vec<String> = cycle.map(|index| format!("`{}`", self.stages[index].name)).collect();
-        if chain.len() == 2 {
-            return Problem::new(reference.span, format!("{} reads itself", chain[0]));
-        }
-        Problem::new(reference.span, "stages read each other in a cycle")
-            .with_label("this closes the cycle")
-            .with_context(self.stages[target].name_span, "it starts here")
-            .with_help(format!("each of these reads the next: {}", chain.join(" → ")))
-    }
 }
 
 struct Graph<'a, 'c> {
@@ -243,7 +93,7 @@ struct Graph<'a, 'c> {
     seed: u64,
     sections: &'a [Section],
     groups: Vec<Group>,
-    connector: &'c mut Connector<'a>,
+    nodes: &'c mut Nodes,
     /// What the nodes of each use are told from those of other variants by.
     marks: BTreeMap<String, Marks>,
     /// Whether it is still worth saying what was probably meant.
@@ -256,7 +106,7 @@ struct Graph<'a, 'c> {
 
 impl Graph<'_, '_> {
     fn nodes(&self) -> &[Node] {
-        &self.connector.nodes
+        &self.nodes.list
     }
 
     fn add_sections(&mut self, found: &Sections) {
@@ -271,7 +121,7 @@ impl Graph<'_, '_> {
                 inputs: Vec::new(),
             };
             let marks = self.marks.get(&format!("${}", source.section)).cloned().unwrap_or_default();
-            positions.push(self.connector.push(node, &source.section, &marks));
+            positions.push(self.nodes.push(node, &source.section, &marks));
         }
         for group in &found.groups {
             let members = group.members.iter().map(|member| positions[*member]).collect();
@@ -372,7 +222,7 @@ impl Graph<'_, '_> {
             inputs,
         };
         let marks = self.marks.get(&stage.name).cloned().unwrap_or_default();
-        self.connector.push(node, &stage.name, &marks)
+        self.nodes.push(node, &stage.name, &marks)
     }
 
     /// Returns what a reference leads to, restricted to its group.

@@ -3,12 +3,15 @@
 //! Nothing runs and no store is asked: names, ports, kinds, members and cycles are checked here, parameters and sources by
 //! the register. [`load`] reports everything it finds wrong, each with its place in the file.
 
+mod axis;
 mod connect;
 mod declare;
 mod fields;
 mod fold;
 mod labels;
 mod names;
+mod nodes;
+mod order;
 mod overrides;
 mod parameters;
 mod pipeline;
@@ -29,11 +32,12 @@ use std::sync::Arc;
 use super::error::{PipelineError, Problem, Span, SpecError};
 use super::stage::StageError;
 use crate::store::{open_regular, read_bounded};
+use axis::Point;
 use connect::Connector;
 use declare::{Declared, Declarer};
 use labels::Labels;
 use overrides::Setting;
-use sweep::{Point, Sweep};
+use sweep::Sweep;
 use tree::Tree;
 
 pub(crate) use pipeline::MOST_TASKS;
