@@ -136,6 +136,12 @@ impl NodeName {
         self.part
     }
 
+    /// Returns what the part is called, if it is the name of one: `epoch-07`.
+    #[must_use]
+    pub fn own(&self) -> Option<&str> {
+        self.part.map(|_| self.text[self.node..].trim_start_matches('/'))
+    }
+
     /// Returns the number of the step, if it is the name of one.
     #[must_use]
     pub const fn step(&self) -> Option<u32> {
@@ -310,6 +316,7 @@ mod tests {
         let step = model.step_of("epoch", 107);
         check(&step, "model/epoch-107", ("model", None, Some(NodePart::Step(107))));
         assert_eq!((step.node(), step.step(), step.role()), ("model", Some(107), Role::Step));
+        assert_eq!((step.own(), chunk.own(), walks.own()), (Some("epoch-107"), Some("chunk-02"), None));
         assert_eq!(chunk.part_of(NodePart::Chunk(3)).as_str(), "walks/home_03/chunk-03");
         let variant = NodeName::new("labels@classes=4", Some("home_03"));
         check(&variant, "labels@classes=4/home_03", ("labels", Some("home_03"), None));

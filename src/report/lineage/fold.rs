@@ -101,10 +101,10 @@ impl<'l> View<'l> {
     #[must_use]
     pub fn parts(&self, at: usize) -> Option<String> {
         let parts = || self.steps(at).filter(|step| step.part().is_some());
-        let word = match parts().next()?.part()? {
-            "step" => "epoch",
-            part => part,
-        };
+        let first = parts().next()?;
+        // A stage has a word of its own for its steps, which the names of the run's nodes have.
+        let own = first.node.as_ref().and_then(|node| Some(node.own()?.rsplit_once('-')?.0));
+        let word = own.or(first.part())?;
         // By itself a part says what it is by its name.
         (self.made[at].steps.len() > 1).then(|| match parts().count() {
             1 => format!("1 {word}"),

@@ -165,7 +165,8 @@ impl<'l> Writer<'l> {
 
 /// Writes what a part is.
 fn part(step: &Step) -> String {
-    let name = step.node.as_ref().and_then(NodeName::part).map_or_else(|| step.name(), |part| part.to_string());
+    let own = step.node.as_ref().and_then(NodeName::own);
+    let name = own.map_or_else(|| step.name(), str::to_owned);
     let time = step.wall_s.map_or_else(String::new, |wall_s| format!("  {}", seconds(wall_s)));
     let gone = if step.is_here { "" } else { "  (not in the store any more)" };
     format!("{name}  {}  {}{time}{gone}", step.digest, bytes(step.bytes()))
