@@ -33,14 +33,18 @@ impl Live {
     }
 
     fn interrupt(&self) {
-        let sent = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().expect("starts");
-        assert!(sent.success());
+        interrupt(self.child.id());
     }
 
     fn end(mut self) -> Option<i32> {
         self.lines.by_ref().for_each(drop);
         self.child.wait().expect("ends").code()
     }
+}
+
+fn interrupt(process: u32) {
+    let sent = Command::new("kill").args(["-INT", &process.to_string()]).status().expect("starts");
+    assert!(sent.success());
 }
 
 #[test]
@@ -100,16 +104,19 @@ fn a_run_is_followed_from_another_process_to_its_end() {
     let mut run = Live::start(&place, &["run", "long.yaml", "--json", "--jobs", "1"]);
     let id = run.until("run_started")["id"].clone();
     run.until("node");
+    // What it goes on to say is read meanwhile, else it would wait for a reader and hear nothing.
+    let process = run.child.id();
+    let run = std::thread::spawn(move || run.end());
     let mut follow = Live::start(&place, &["status", "--follow", "--json"]);
     let started = follow.until("run_started");
     assert_eq!((&started["id"], &started["pipeline"]), (&id, &"long".into()));
     assert!(started["nodes"].as_u64().is_some_and(|nodes| nodes > 1000), "{started}");
     let node = follow.until("node");
     assert_eq!((&node["node"], &node["outcome"]), (&"maps/home_00".into(), &"ran".into()));
-    run.interrupt();
+    interrupt(process);
     let end = follow.until("run");
     assert_eq!((&end["id"], &end["status"]), (&id, &"interrupted".into()));
-    assert_eq!((follow.end(), run.end()), (Some(130), Some(130)));
+    assert_eq!((follow.end(), run.join().expect("ends")), (Some(130), Some(130)));
     // One that is over is told of at once.
     let again = Live::start(&place, &["status", "--follow", "--json", "--run", id.as_str().expect("an id")]);
     assert_eq!(again.end(), Some(130));
