@@ -169,7 +169,7 @@ fn more_than_can_be_planned_is_refused() {
     let nodes = 12 * (1 + 50_001 + 50_001) + 1 + 100_001;
     let expected = format!(
         "error: the pipeline has {nodes} nodes, chunks and steps included; at most 500000 can be planned\nhelp: ask for fewer \
-         maps, episodes or epochs, or split them between pipelines over one store\n"
+         members, chunks or steps, or split them between pipelines over one store\n"
     );
     assert_eq!(place.refused(2, &["plan", "large.yaml"]), expected);
     assert_eq!(place.refused(2, &["run", "large.yaml"]), expected);
