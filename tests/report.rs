@@ -19,7 +19,7 @@ use trodden::kinds::{
     chunk_files,
 };
 use trodden::report::picture::{Scale, Shown};
-use trodden::report::{html, png, terminal};
+use trodden::report::{html, png, table, terminal};
 use trodden::store::{Artifact, Outcome, Role, Run, RunNode, RunStatus, Store};
 
 use super::browser::Page;
@@ -375,10 +375,10 @@ fn every_kind_is_shown_in_a_terminal_and_as_a_picture() {
             let figure = png::figure(picture, Scale::Linear, &node.node);
             assert!(image::load_from_memory(&figure).expect("decodes").width() > 100);
         }
-        if let Some(table) = shown.table() {
+        if let Some(shown) = shown.table() {
             tables.push(node.kind.clone());
-            assert!(terminal::table(table, 3).lines().count() > 3);
-            assert_eq!(terminal::json_rows(table).len(), table.height());
+            assert!(table::text(shown, 3).lines().count() > 3);
+            assert_eq!(table::json_rows(shown).count(), shown.rows());
         }
     }
     for kinds in [&mut pictures, &mut tables] {
@@ -390,7 +390,7 @@ fn every_kind_is_shown_in_a_terminal_and_as_a_picture() {
     let artifact = maker.run.nodes[0].artifact.as_ref().expect("an artifact");
     // Of a kind that nobody knows the table is shown that it is.
     let shown = Shown::of(&maker.store, "Pottery", artifact).expect("is a table");
-    assert!(shown.picture().is_none() && shown.table().is_some_and(|table| table.height() > 1000));
+    assert!(shown.picture().is_none() && shown.table().is_some_and(|table| table.rows() > 1000));
 }
 
 /// Counts the images and those that decode, opens all views, and counts those that show something.

@@ -7,9 +7,9 @@ use std::process::ExitCode;
 use super::crowd_args::{self, CrowdArgs};
 use super::error::CliError;
 use super::import_args::{ImportArgs, said};
-use super::look::{self, VIEW};
 use super::model_files;
 use super::out_folder::OutFolder;
+use super::pages::{VIEW, View};
 use super::screen::Screen;
 use super::track_args::TrackArgs;
 use crate::domain::annotate::{self as domain, AnnotateConfig, AnnotateFields, Normalize};
@@ -19,7 +19,6 @@ use crate::pipeline::stage::Stage;
 use crate::report::bars::WorkBar;
 use crate::report::picture::{Picture, Scale, heat_picture};
 use crate::report::png;
-use crate::report::viewer::Scene;
 use crate::stages::{annotate, compute};
 
 /// The files that it writes.
@@ -135,21 +134,22 @@ impl Args {
                 (heat, Some(walked), picture)
             }
         };
-        let scene = Scene::new(name, &map);
-        let scene = match &besides {
-            None => scene.heat("", &heat),
-            Some(walked) => scene.heat("predicted", &heat).heat("simulated", walked),
+        let view = View::new(&name, &map);
+        let view = match &besides {
+            None => view.heat("", &heat),
+            Some(walked) => view.heat("predicted", &heat).heat("simulated", walked),
         };
-        let scene = if self.by == By::Model { scene } else { look::with_people(scene, &map, &walks)? };
-        let scene = match seen {
-            None => scene,
-            Some(seen) => look::with_recorded(scene, &map, seen, self.tracks.files()),
+        let view = if self.by == By::Model { view } else { view.people(&map, &walks)? };
+        let view = match seen {
+            None => view,
+            Some(seen) => view.recorded(&map, seen, self.tracks.files()),
         };
         let mut files = vec![(HEAT, heat.to_bytes()?)];
         if let Some(walked) = besides {
             files.push((SIMULATED, walked.to_bytes()?));
         }
-        files.extend([(MAP, map.to_bytes()?), (PICTURE, picture), (VIEW, look::view(&scene, PICTURE))]);
+        files.extend([(MAP, map.to_bytes()?), (PICTURE, picture)]);
+        files.extend(view.file(PICTURE, screen));
         self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }

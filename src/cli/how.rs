@@ -8,6 +8,7 @@ use std::sync::atomic::AtomicBool;
 use serde::Serialize;
 
 use super::error::CliError;
+use super::pages;
 use super::screen::Screen;
 use super::shared::SharedArgs;
 use crate::pipeline::event::Event;
@@ -16,7 +17,6 @@ use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::Pipeline;
 use crate::remote::Remote;
 use crate::report::bars::{BarStyle, Bars};
-use crate::report::html;
 use crate::store::{Peer, RunStatus, Store};
 
 /// How to run.
@@ -98,11 +98,7 @@ impl HowArgs {
         }
         let conclude = |remote| self.shared.conclude(remote, &report, (keep, self.quiet), screen);
         let shared = remote.map_or(Ok(()), conclude);
-        // A run with nothing to do has nothing new to show.
-        let page = match store.share_report(&report.run) {
-            Some(path) => Ok(path),
-            None => html::write(store, &report.run).map_err(CliError::from),
-        };
+        let page = pages::after_run(store, &report.run);
         let told = match last {
             Some(event) if screen.json() => screen.object(&Ended::new(&event, &page)),
             Some(event) => {
@@ -111,7 +107,7 @@ impl HowArgs {
             }
             None => Ok(()),
         };
-        if let Ok(path) = &page
+        if let Ok(Some(path)) = &page
             && !screen.json()
             && !self.quiet
         {
@@ -137,7 +133,7 @@ impl HowArgs {
 struct Ended<'a> {
     #[serde(flatten)]
     event: &'a Event,
-    /// Where the report is.
+    /// Where the report is; none without the feature `pages`.
     report: Option<&'a Path>,
     /// Why there is none.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -145,9 +141,9 @@ struct Ended<'a> {
 }
 
 impl<'a> Ended<'a> {
-    fn new(event: &'a Event, page: &'a Result<PathBuf, CliError>) -> Self {
+    fn new(event: &'a Event, page: &'a Result<Option<PathBuf>, CliError>) -> Self {
         let report_error = page.as_ref().err().map(CliError::message);
-        Self { event, report: page.as_deref().ok(), report_error }
+        Self { event, report: page.as_ref().ok().and_then(Option::as_deref), report_error }
     }
 }
 
@@ -187,12 +183,12 @@ mod tests {
     fn the_last_line_says_where_the_report_is_or_why_there_is_none() {
         let (id, status) = ("r".to_owned(), RunStatus::Finished);
         let event = Event::Run { ran: 1, hit: 0, failed: 0, skipped: 0, wall_s: 0.5, id, status, shared: None };
-        let line = |page: Result<PathBuf, CliError>| {
+        let line = |page: Result<Option<PathBuf>, CliError>| {
             serde_json::to_string(&Ended::new(&event, &page)).expect("an event is JSON")
         };
         let start =
             r#"{"event":"run","ran":1,"hit":0,"failed":0,"skipped":0,"wall_s":0.5,"id":"r","status":"finished","#;
-        assert_eq!(line(Ok(PathBuf::from("a/b"))), format!(r#"{start}"report":"a/b"}}"#));
+        assert_eq!(line(Ok(Some(PathBuf::from("a/b")))), format!(r#"{start}"report":"a/b"}}"#));
         let told = line(Err(CliError::request("no room")));
         assert_eq!(told, format!(r#"{start}"report":null,"report_error":"no room"}}"#));
     }

@@ -3,6 +3,8 @@
 //! stdout is data, stderr is progress and errors. Exit codes: 0 done, 1 a stage or a disk failed, 2 a bad request, 3
 //! a damaged store, 4 something would run (`plan --exit-code`), 130 interrupted.
 
+#[cfg(not(all(feature = "pages", feature = "sql")))]
+mod absent;
 mod annotate;
 mod check;
 mod completions;
@@ -20,11 +22,12 @@ mod init;
 mod keep;
 mod lineage;
 mod log;
-mod look;
 mod ls;
 pub(crate) mod model_files;
 mod of_run;
 mod out_folder;
+#[cfg(feature = "pages")]
+mod pages;
 mod path;
 mod paths;
 mod plan;
@@ -44,6 +47,7 @@ mod shared;
 mod show;
 mod signals;
 mod simulate;
+#[cfg(feature = "sql")]
 mod sql;
 mod status;
 mod sweep;
@@ -61,6 +65,10 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser, Subcommand};
 
 use crate::domain::map::DECODER_THREAD;
+#[cfg(not(feature = "pages"))]
+use absent::pages;
+#[cfg(not(feature = "sql"))]
+use absent::sql;
 use screen::Screen;
 
 pub(crate) use error::CliError;

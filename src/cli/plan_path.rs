@@ -11,8 +11,8 @@ use super::annotate::predict_by_default;
 use super::error::CliError;
 use super::heat_file::read_heat;
 use super::import_args::{ImportArgs, said};
-use super::look::{self, VIEW};
 use super::out_folder::OutFolder;
+use super::pages::{VIEW, View};
 use super::screen::Screen;
 use crate::domain::geometry::{Frame, Grid, Point};
 use crate::domain::map::{Imported, OccupancyMap};
@@ -21,7 +21,6 @@ use crate::kinds::{Heat, Placed};
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, planned_path};
 use crate::report::png;
-use crate::report::viewer::Scene as View;
 use crate::stages::path_around::{NoPath, Planned, Trip};
 
 /// The files that it writes.
@@ -113,14 +112,14 @@ impl Args {
         let name = import.origin().map_name();
         let picture = draw(frame, &heat.heat, map.free(), paths, &name);
         let about = paths.map(told);
-        let view = View::new(name, &map).heat("", &Placed::new(*frame, heat));
+        let view = View::new(&name, &map).heat("", &Placed::new(*frame, heat));
         let view = view.paths([0, 1].map(|at| (paths[at].route.points(), about[at].as_str())));
-        let files = [
+        let mut files = vec![
             (CSV, csv(frame, paths).into_bytes()),
             (GEOJSON, geojson(frame, paths).into_bytes()),
             (PICTURE, picture),
-            (VIEW, look::view(&view, PICTURE)),
         ];
+        files.extend(view.file(PICTURE, screen));
         self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }

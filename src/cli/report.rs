@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
+use super::pages;
 use super::screen::Screen;
-use crate::report::html;
-use crate::store::{Store, write_whole};
+use crate::store::Store;
 
 /// Arguments of `report`.
 #[derive(Debug, clap::Args)]
@@ -26,16 +26,10 @@ pub struct Args {
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        pages::check(true)?;
         let store = Store::open_existing(store)?;
         let run = store.run(&self.run)?;
-        let path = match &self.out {
-            Some(out) => {
-                let failed = |source| CliError::File { action: "write", path: out.clone(), source };
-                write_whole(out, html::render(&store, &run).as_bytes()).map_err(failed)?;
-                out.clone()
-            }
-            None => html::write(&store, &run)?,
-        };
+        let path = pages::report(&store, &run, self.out.as_deref())?;
         screen.line(path.display().to_string())?;
         Ok(ExitCode::SUCCESS)
     }

@@ -4,10 +4,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
+use super::pages;
 use super::request::{find_node, find_run};
 use super::screen::{Screen, bytes};
 use crate::report::picture::{Scale, Shown};
-use crate::report::{html, png, terminal};
+use crate::report::{png, table, terminal};
 use crate::store::{Run, RunNode, Store, write_whole};
 
 /// Arguments of `show`.
@@ -51,6 +52,7 @@ enum ScaleName {
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        pages::check(self.html.is_some())?;
         let store = Store::open_existing(store)?;
         let run = find_run(&store, self.pipeline.as_deref(), self.run.as_deref())?;
         let node = find_node(&run, &self.node)?;
@@ -83,8 +85,8 @@ impl Args {
             let width = self.width.unwrap_or_else(terminal::width);
             screen.drawing(terminal::raster(picture, scale, width, screen.terminal()))?;
         }
-        if let Some(table) = shown.table() {
-            screen.line(terminal::table(table, self.rows))?;
+        if let Some(rows) = shown.table() {
+            screen.line(table::text(rows, self.rows))?;
         }
         Ok(ExitCode::SUCCESS)
     }
@@ -114,7 +116,7 @@ fn write_html(
     node: &RunNode,
     screen: &Screen,
 ) -> Result<ExitCode, CliError> {
-    let Some(page) = html::view(store, run, node)? else {
+    let Some(page) = pages::of_node(store, run, node)? else {
         return Err(CliError::advised(
             format!("`{}` ({}) lies on no map", node.node, node.kind),
             "leave out `--html`, or see the report of the run",

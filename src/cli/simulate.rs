@@ -6,15 +6,14 @@ use std::process::ExitCode;
 use super::crowd_args::{self, CrowdArgs};
 use super::error::CliError;
 use super::import_args::{ImportArgs, said};
-use super::look::{self, VIEW};
 use super::out_folder::OutFolder;
+use super::pages::{VIEW, View};
 use super::screen::Screen;
 use crate::domain::map::Imported;
 use crate::kinds::{Placed, SingleFile};
 use crate::pipeline::stage::Stage;
 use crate::report::picture::{Scale, heat_picture};
 use crate::report::png;
-use crate::report::viewer::Scene;
 
 /// The files that it writes.
 const HEAT: &str = "heat.parquet";
@@ -56,9 +55,9 @@ impl Args {
         let heat = Placed::new(*map.frame(), crowd_args::simulate(&map, &walks, screen)?);
         let name = import.origin().map_name();
         let picture = png::figure(&heat_picture(&heat), Scale::Linear, &name);
-        let scene = look::with_people(Scene::new(name, &map).heat("", &heat), &map, &walks)?;
-        let view = look::view(&scene, PICTURE);
-        let files = [(HEAT, heat.to_bytes()?), (MAP, map.to_bytes()?), (PICTURE, picture), (VIEW, view)];
+        let view = View::new(&name, &map).heat("", &heat).people(&map, &walks)?;
+        let mut files = vec![(HEAT, heat.to_bytes()?), (MAP, map.to_bytes()?), (PICTURE, picture)];
+        files.extend(view.file(PICTURE, screen));
         self.out.write(&files, screen)?;
         Ok(ExitCode::SUCCESS)
     }

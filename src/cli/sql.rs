@@ -7,7 +7,7 @@ use super::error::CliError;
 use super::request::find_run;
 use super::screen::Screen;
 use crate::kinds;
-use crate::report::terminal;
+use crate::report::table;
 use crate::store::{Artifact, Digest, Run, Store, read_bounded};
 
 /// Arguments of `sql`.
@@ -41,16 +41,16 @@ impl Args {
             tables.nodes()?;
         }
         let answer = kinds::sql(&self.query, &mut |name| tables.files(name));
-        let frame = answer.map_err(|error| {
+        let answer = answer.map_err(|error| {
             let said = || CliError::Request { message: error.to_string(), help: error.help() };
             tables.trouble.take().unwrap_or_else(said)
         })?;
         if screen.json() {
-            for row in terminal::json_rows(&frame) {
+            for row in table::json_rows(&answer) {
                 screen.object(&row)?;
             }
         } else {
-            screen.line(terminal::table(&frame, if self.rows == 0 { usize::MAX } else { self.rows }))?;
+            screen.line(table::text(&answer, if self.rows == 0 { usize::MAX } else { self.rows }))?;
         }
         Ok(ExitCode::SUCCESS)
     }

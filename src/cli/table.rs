@@ -4,14 +4,14 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
+use super::pages;
 use super::request::find_run;
 use super::screen::{Screen, columns};
 use crate::kinds::plain_metrics;
 use crate::pipeline::spec::suggest;
 use crate::pipeline::stage::Register;
 use crate::report::ReportError;
-use crate::report::html::{self, Front};
-use crate::report::study::{Figure, Study, StudyTable, build};
+use crate::report::study::{Figure, Front, Study, StudyTable, build};
 use crate::store::{Run, Store, write_whole};
 
 /// The most columns of figures that a terminal gets without being asked.
@@ -73,6 +73,7 @@ pub(super) struct TableArgs {
 
 impl Args {
     pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        pages::check(self.table.html.is_some())?;
         let store = Store::open_existing(store)?;
         let runs: Vec<Run> = if self.runs.is_empty() {
             vec![find_run(&store, None, None)?]
@@ -134,7 +135,7 @@ pub(super) fn print_study(
     if let Some(path) = &args.html {
         let front = args.front(&study)?;
         let title = runs.first().map_or("study", |run| run.pipeline.as_str());
-        write(path, html::study(store, runs, &table, front, title).as_bytes())?;
+        write(path, pages::of_study(store, runs, &table, front, title)?.as_bytes())?;
     }
     if screen.json() {
         return table.json().iter().try_for_each(|row| screen.object(row));

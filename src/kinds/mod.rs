@@ -19,7 +19,8 @@ mod raster;
 mod recorded;
 mod scores;
 mod social;
-mod table;
+#[cfg(feature = "sql")]
+mod sql;
 mod tiles;
 mod trajectories;
 mod visits;
@@ -36,7 +37,8 @@ pub use model::Model;
 pub use nav_episodes::{NavEpisodes, NavSample};
 pub use parquet::{AnyTable, Outline};
 pub use recorded::recorded_rows;
-pub use table::{TableError, TableFile, data_frame, sql};
+#[cfg(feature = "sql")]
+pub use sql::{SqlError, TableFile, sql};
 pub use trajectories::{TrackReader, TrackWriter, chunk_files};
 
 /// A value the store can hold.

@@ -2,6 +2,7 @@
 //!
 //! - [`bars`]: what a run does, while it does it;
 //! - [`picture`]: an artifact as something to look at; [`terminal`] and [`png`] draw it, and so does [`html`];
+//! - [`table`]: a table as text and as JSON;
 //! - [`plain`]: text that gives a terminal no orders;
 //! - [`charts`]: box plots, confusion matrices, training curves and the graph of stages, as SVG;
 //! - [`viewer`]: a map to look at closely, in a page of its own or in a report;
@@ -11,6 +12,8 @@
 //! - [`lineage`]: what is behind an artifact, as text, graph and data, and as what goes with it when it leaves the store;
 //! - [`again`]: the command that makes it once more.
 //!
+//! [`html`], [`charts`] and [`viewer`] are what the feature `pages` brings; nothing else here needs them.
+//!
 //! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
 
 pub mod again;
@@ -18,10 +21,12 @@ pub mod amounts;
 mod axis;
 pub mod bars;
 mod canvas;
+#[cfg(feature = "pages")]
 pub mod charts;
 mod colors;
 pub mod compare;
 mod figures;
+#[cfg(feature = "pages")]
 pub mod html;
 pub mod lineage;
 pub mod picture;
@@ -29,11 +34,13 @@ pub mod plain;
 pub mod png;
 mod shown;
 pub mod study;
+pub mod table;
 pub mod terminal;
 mod tracks;
+#[cfg(feature = "pages")]
 pub mod viewer;
 
-use crate::kinds::{KindError, TableError};
+use crate::kinds::KindError;
 use crate::store::StoreError;
 
 /// What keeps something from being shown.
@@ -49,9 +56,6 @@ pub enum ReportError {
     /// A kind of one's own says that an artifact is not what it should be.
     #[error(transparent)]
     Own(Box<dyn std::error::Error + Send + Sync>),
-    /// A table cannot be read.
-    #[error(transparent)]
-    Table(#[from] TableError),
     #[error("`{node}` was not made in this run")]
     Unmade { node: String },
 }
@@ -63,7 +67,6 @@ impl ReportError {
         match self {
             Self::Store(error) => error.help(),
             Self::Kind(error) => error.help(),
-            Self::Table(error) => error.help(),
             Self::Own(_) => None,
             Self::Unmade { .. } => Some("it failed or was skipped: run the pipeline again".to_owned()),
         }

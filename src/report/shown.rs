@@ -2,8 +2,6 @@
 
 use std::io::Read;
 
-use polars::prelude::DataFrame;
-
 use crate::domain::crowd::Summary;
 use crate::domain::geometry::{Cell, Frame, Grid};
 use crate::domain::map::OccupancyMap;
@@ -15,9 +13,9 @@ use crate::domain::social::SocialCosts;
 use crate::domain::tiles::{Target, Tiles};
 use crate::domain::tracks::Tracks;
 use crate::domain::unet::Architecture;
-use crate::kinds::parquet::Table;
+use crate::kinds::parquet::{Table, read_any};
 use crate::kinds::{
-    Checkpoint, Heat, Kind, Learned, NavEpisodes, Placed, TrackReader, data_frame, outline, plain_metrics,
+    AnyTable, Checkpoint, Heat, Kind, KindError, Learned, NavEpisodes, Placed, TrackReader, outline, plain_metrics,
 };
 use crate::store::{Artifact, FileRef, Store};
 
@@ -42,7 +40,7 @@ const HEAD: u64 = 2048;
 pub struct Shown {
     facts: Vec<(String, String)>,
     picture: Option<Picture>,
-    table: Option<DataFrame>,
+    table: Option<AnyTable>,
 }
 
 impl Shown {
@@ -81,7 +79,7 @@ impl Shown {
 
     /// Returns the table, if it is one.
     #[must_use]
-    pub const fn table(&self) -> Option<&DataFrame> {
+    pub const fn table(&self) -> Option<&AnyTable> {
         self.table.as_ref()
     }
 
@@ -385,8 +383,9 @@ fn head(file: &mut impl Read) -> Vec<String> {
     text.into_iter().flat_map(str::lines).take(MOST_LINES).map(str::to_owned).collect()
 }
 
-fn read_table(store: &Store, file: &FileRef) -> Result<DataFrame, ReportError> {
-    Ok(data_frame(store.read(&file.digest)?)?)
+fn read_table(store: &Store, file: &FileRef) -> Result<AnyTable, ReportError> {
+    let damaged = |source| KindError::Decode { kind: "Table", source };
+    Ok(read_any(store.read(&file.digest)?).map_err(damaged)?)
 }
 
 fn class_scores(scores: &ClassScores) -> Vec<(String, String)> {

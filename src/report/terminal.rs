@@ -1,14 +1,10 @@
-//! Pictures and tables in a terminal.
-
-use polars::prelude::{AnyValue, DataFrame, DataType};
-use serde_json::{Map, Value};
+//! Pictures in a terminal.
 
 use crate::domain::geometry::{Cell, Grid};
 
 use super::axis::Axis;
 use super::colors::{self, Rgb};
 use super::picture::{Ink, Picture, Scale, ink_at};
-use super::plain::one_line;
 
 /// Shades for values where there is no color, from low to high.
 const SHADES: &[u8] = b".:-=+*%@";
@@ -16,8 +12,6 @@ const SHADES: &[u8] = b".:-=+*%@";
 const CHANGES: &[u8] = b"=- +*";
 /// Columns where the terminal does not tell.
 const COLUMNS: usize = 80;
-/// Columns of one cell of a table at most.
-const WIDEST: usize = 40;
 
 /// Returns the number of columns of the terminal on stdout; 80 if it is none.
 #[must_use]
@@ -188,112 +182,10 @@ fn background([red, green, blue]: Rgb) -> String {
     format!("\x1b[48;2;{red};{green};{blue}m")
 }
 
-/// Writes a table: names and types of the columns, then at most `max_rows` rows, the first ones.
-#[must_use]
-pub fn table(frame: &DataFrame, max_rows: usize) -> String {
-    let shown = frame.height().min(max_rows);
-    let columns: Vec<Vec<String>> = frame
-        .columns()
-        .iter()
-        .map(|column| {
-            let mut cells = vec![one_line(column.name()).into_owned(), type_name(column.dtype())];
-            cells.extend((0..shown).map(|row| column.get(row).map_or_else(|_| String::new(), |value| cell(&value))));
-            cells
-        })
-        .collect();
-    let widths: Vec<usize> =
-        columns.iter().map(|cells| cells.iter().map(|cell| cell.chars().count()).max().unwrap_or(0)).collect();
-    let numeric: Vec<bool> = frame.columns().iter().map(|column| column.dtype().is_primitive_numeric()).collect();
-    let mut lines: Vec<String> = (0..shown + 2)
-        .map(|row| {
-            let cells = columns.iter().zip(&widths).zip(&numeric).map(|((cells, width), right)| {
-                let pad = " ".repeat(width - cells[row].chars().count());
-                if *right { format!("{pad}{}", cells[row]) } else { format!("{}{pad}", cells[row]) }
-            });
-            cells.collect::<Vec<_>>().join("  ").trim_end().to_owned()
-        })
-        .collect();
-    let rule = widths.iter().map(|width| "─".repeat(*width)).collect::<Vec<_>>().join("  ");
-    lines.insert(2, rule);
-    let rest = frame.height() - shown;
-    if rest > 0 {
-        lines.push(format!("… {rest} more of {} rows", frame.height()));
-    }
-    lines.join("\n")
-}
-
-/// Returns the rows of a table as JSON objects.
-#[must_use]
-pub fn json_rows(frame: &DataFrame) -> Vec<Value> {
-    let row = |row: usize| {
-        let members = frame.columns().iter().map(|column| {
-            let value = column.get(row).map_or(Value::Null, |value| json(&value));
-            (column.name().to_string(), value)
-        });
-        Value::Object(members.collect::<Map<_, _>>())
-    };
-    (0..frame.height()).map(row).collect()
-}
-
-fn type_name(data: &DataType) -> String {
-    data.to_string()
-}
-
-fn cell(value: &AnyValue<'_>) -> String {
-    let text = match value {
-        AnyValue::Null => "–".to_owned(),
-        AnyValue::String(text) => (*text).to_owned(),
-        AnyValue::StringOwned(text) => text.to_string(),
-        AnyValue::Float32(number) => decimal(f64::from(*number), 5),
-        AnyValue::Float64(number) => decimal(*number, 6),
-        other => other.to_string(),
-    };
-    let text = one_line(&text);
-    if text.chars().count() > WIDEST {
-        format!("{}…", text.chars().take(WIDEST - 1).collect::<String>())
-    } else {
-        text.into_owned()
-    }
-}
-
-/// Writes a number with so many significant digits at most.
-pub(super) fn decimal(value: f64, digits: i32) -> String {
-    if value == 0.0 || !value.is_finite() {
-        return format!("{value}");
-    }
-    let power = libm::floor(libm::log10(value.abs())) as i32;
-    if !(-5..15).contains(&power) {
-        return format!("{value:.3e}");
-    }
-    let text = format!("{value:.*}", usize::try_from((digits - 1 - power).max(0)).unwrap_or(0));
-    if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
-}
-
-fn json(value: &AnyValue<'_>) -> Value {
-    match value {
-        AnyValue::Null => Value::Null,
-        AnyValue::Boolean(flag) => (*flag).into(),
-        AnyValue::String(text) => (*text).into(),
-        AnyValue::StringOwned(text) => text.as_str().into(),
-        AnyValue::UInt8(number) => (*number).into(),
-        AnyValue::UInt32(number) => (*number).into(),
-        AnyValue::UInt64(number) => (*number).into(),
-        AnyValue::Int8(number) => (*number).into(),
-        AnyValue::Int32(number) => (*number).into(),
-        AnyValue::Int64(number) => (*number).into(),
-        // Through the shortest decimal, so that 0.1 stays 0.1.
-        AnyValue::Float32(number) => number.to_string().parse::<f64>().map_or(Value::Null, Value::from),
-        AnyValue::Float64(number) => (*number).into(),
-        AnyValue::List(series) => Value::Array(series.iter().map(|value| json(&value)).collect()),
-        other => Value::String(other.to_string()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::domain::geometry::Frame;
-    use polars::prelude::{Column, NamedFrom, Series};
 
     fn picture() -> Picture {
         let values = Grid::from_fn(4, 8, |c| if c.col < 2 { 0.0 } else { c.col as f32 });
@@ -328,40 +220,5 @@ mod tests {
         let lines: Vec<&str> = text.lines().collect();
         assert_eq!((lines.len(), lines[0]), (9, "2".repeat(25).as_str()));
         assert_eq!(lines[8], "1 class 1   2 class 2   3 class 3   blank not visited   # blocked");
-    }
-
-    fn frame() -> DataFrame {
-        let columns: Vec<Column> = vec![
-            Series::new("node".into(), ["a", "bc"]).into(),
-            Series::new("auc".into(), [Some(0.712_345_678), None]).into(),
-            Series::new("cells".into(), [12u32, 3]).into(),
-        ];
-        DataFrame::new(2, columns).expect("columns of one length")
-    }
-
-    #[test]
-    fn tables_have_their_schema_on_top() {
-        assert_eq!(
-            table(&frame(), 1),
-            "node       auc  cells\nstr        f64    u32\n────  ────────  ─────\na     0.712346     12\n… 1 more of 2 rows"
-        );
-    }
-
-    #[test]
-    fn rows_are_json() {
-        let rows = json_rows(&frame());
-        assert_eq!(rows[0], serde_json::json!({ "node": "a", "auc": 0.712_345_678, "cells": 12 }));
-        assert_eq!(rows[1]["auc"], Value::Null);
-    }
-
-    #[test]
-    fn numbers_keep_the_digits_that_matter() {
-        let check = |value, expected: &str| assert_eq!(decimal(value, 6), expected);
-        check(0.0, "0");
-        check(-1.5, "-1.5");
-        check(123_456.789, "123457");
-        check(0.000_123_456_789, "0.000123457");
-        check(1e-9, "1.000e-9");
-        check(f64::NAN, "NaN");
     }
 }

@@ -16,7 +16,8 @@ use serde_json::Value;
 use trodden::domain::quantize::class_weights;
 use trodden::domain::unet::{Compute, DeviceName, Network, Simd};
 use trodden::kinds::parquet::read_any;
-use trodden::kinds::{Checkpoint, CheckpointConfig, KindError, SingleFile, TrackReader, TrackWriter, data_frame};
+use trodden::kinds::{Checkpoint, CheckpointConfig, KindError, SingleFile, TrackReader, TrackWriter};
+use trodden::report::table;
 
 use super::Target;
 use super::mutate::{Dice, bytes, number, times, tree};
@@ -42,7 +43,9 @@ pub fn target(name: &str) -> Option<Target> {
             let encoded = |bytes: Result<Vec<u8>, KindError>| bytes.expect("a sample can be written");
             let seeds = vec![encoded(samples::tiles().to_bytes()), encoded(samples::scores().to_bytes()), walks()];
             Target::new("table", seeds, parquet_file, |input| {
-                data_frame(input.to_vec()).is_ok_and(|frame| !frame.to_string().is_empty())
+                read_any(input.to_vec()).is_ok_and(|read| {
+                    !table::text(&read, 50).is_empty() && table::json_rows(&read).count() == read.rows()
+                })
             })
         }
         "checkpoint" => checkpoint(),

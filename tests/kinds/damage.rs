@@ -12,7 +12,7 @@ use trodden::domain::geometry::{Cell, Frame, Grid, Point};
 use trodden::domain::map::{Observed, OccupancyMap};
 use trodden::domain::quantize::Labels;
 use trodden::domain::tracks::Sample;
-use trodden::kinds::{Checkpoint, Heat, Placed, SingleFile, TrackWriter, data_frame};
+use trodden::kinds::{Checkpoint, Heat, Placed, SingleFile, TrackWriter, checked};
 
 use super::samples;
 
@@ -138,7 +138,7 @@ fn foreign_and_wrong_files_are_named() {
     let cause = "it has more than one column `row`";
     let errors: [Box<dyn Error>; 2] = [
         Box::new(Placed::<Labels>::from_bytes(twice.bytes()).expect_err("two columns of a name")),
-        Box::new(data_frame(twice.bytes()).expect_err("two columns of a name")),
+        Box::new(checked(twice.bytes()).map(drop).expect_err("two columns of a name")),
     ];
     assert!(errors.iter().all(|error| error.source().is_some_and(|source| source.to_string() == cause)), "{errors:?}");
     let error = Placed::<Labels>::from_bytes(b"row,col,class".to_vec()).expect_err("no Parquet");
@@ -154,8 +154,8 @@ fn maps_without_that_column_show_what_is_free() {
     let free = Grid::from_fn(2, 2, |cell| cell == Cell::new(0, 1));
     assert_eq!(map, OccupancyMap::new(free, Frame::at_zero(0.1, 2, 2)).expect("a free cell"));
     let names = |map: &OccupancyMap| {
-        let file = data_frame(map.to_bytes().expect("encoded")).expect("a table");
-        file.get_column_names().into_iter().map(ToString::to_string).collect::<Vec<_>>()
+        let file = checked(map.to_bytes().expect("encoded")).expect("a table");
+        file.schema.fields().iter().map(|field| field.name().clone()).collect::<Vec<_>>()
     };
     assert_eq!(names(&map), ["row", "col", "x", "y", "free"]);
 

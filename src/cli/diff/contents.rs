@@ -7,10 +7,10 @@ use serde_json::{Value, json};
 use super::runs::recipes;
 use super::sides::{Side, Things};
 use crate::cli::error::CliError;
+use crate::cli::pages;
 use crate::cli::screen::Screen;
 use crate::report::compare::files::{Compared, Content, of_artifacts, of_bytes};
-use crate::report::compare::{pictures, words};
-use crate::report::html::{Section, comparison};
+use crate::report::compare::{Section, pictures, words};
 use crate::report::picture::{Picture, Scale};
 use crate::report::{png, terminal};
 use crate::store::write_whole;
@@ -51,7 +51,7 @@ impl Look<'_> {
         }
         let because = because(things, before, after)?;
         if let Some(path) = self.html {
-            let page = self.page(before, after, &files, &because);
+            let page = self.page(before, after, &files, &because)?;
             return write(path, &after.label(), "html", page.as_bytes(), screen);
         }
         if screen.json() {
@@ -120,7 +120,7 @@ impl Look<'_> {
         })
     }
 
-    fn page(&self, before: &Side, after: &Side, files: &[Compared], because: &[String]) -> String {
+    fn page(&self, before: &Side, after: &Side, files: &[Compared], because: &[String]) -> Result<String, CliError> {
         let section = |file: &Compared| Section {
             title: if file.name.is_empty() { after.label() } else { file.name.clone() },
             lines: words::lines(file, self.rows.max(50)),
@@ -132,7 +132,7 @@ impl Look<'_> {
         if sections.is_empty() {
             lines.push("the same, byte for byte".to_owned());
         }
-        comparison(&title(before, after), &lines, &sections)
+        pages::of_difference(&title(before, after), &lines, &sections)
     }
 
     /// Returns the pictures of the columns that differ, or of the one that was asked for.

@@ -8,6 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use super::error::CliError;
+use super::pages;
 use super::screen::Screen;
 use crate::store::Run;
 use contents::Look;
@@ -54,6 +55,7 @@ pub struct Args {
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+        pages::check(self.html.is_some())?;
         let things = Things::at(store)?;
         let pairs = match self.asked(&things)? {
             Asked::Runs(runs) => {

@@ -17,7 +17,10 @@ mod column;
 pub mod files;
 pub mod pictures;
 pub mod raster;
+mod section;
 pub mod settings;
 pub mod table;
 pub mod weights;
 pub mod words;
+
+pub use section::Section;

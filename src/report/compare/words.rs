@@ -6,7 +6,7 @@ use super::raster::{At, ClassesChange, LayerChange, Overlap, RasterChange, Value
 use super::settings::Setting;
 use super::table::{Fate, RowChange, RowValue, TableChange, Value};
 use super::weights::WeightsChange;
-use crate::report::terminal::decimal;
+use crate::report::table::decimal;
 
 /// Significant digits that are written.
 const DIGITS: i32 = 6;

@@ -4,18 +4,8 @@ use maud::{DOCTYPE, PreEscaped, html};
 
 use super::figure::figure;
 use super::page::STYLE;
-use crate::report::picture::{Picture, Scale};
-
-/// A part of the page: the words about a file, and pictures with their captions.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Section {
-    /// What it is about.
-    pub title: String,
-    /// What differs, line by line.
-    pub lines: Vec<String>,
-    /// Pictures beside each other.
-    pub pictures: Vec<(String, Picture)>,
-}
+use crate::report::compare::Section;
+use crate::report::picture::Scale;
 
 /// Returns the page.
 #[must_use]

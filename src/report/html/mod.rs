@@ -25,10 +25,10 @@ use rayon::prelude::*;
 
 use super::{ReportError, viewer};
 use crate::store::{Run, RunNode, Store};
-pub use study::{Front, study};
+pub use study::study;
 
 use cache::{Cache, Fragment};
-pub use compared::{Section, comparison};
+pub use compared::comparison;
 use lineage::Lineage;
 use maps::Maps;
 use source::Source;

@@ -10,7 +10,7 @@ use crate::report::charts::{Anchor, Svg, short};
 use crate::report::colors;
 use crate::report::picture::Scale;
 use crate::report::shown::Shown;
-use crate::report::study::{Figure, Merged, Study, StudyTable, run_of, shown_figure};
+use crate::report::study::{Figure, Front, Merged, Study, StudyTable, run_of, shown_figure};
 use crate::store::{Role, Run, Store};
 
 /// The most rows of the table, lines of the parallel coordinates, axes among these that are figures, and pictures.
@@ -20,15 +20,6 @@ const MOST_FIGURES: usize = 6;
 const MOST_PICTURES: usize = 12;
 /// Kinds that have pictures, the most telling one first.
 const PICTURED: [&str; 6] = ["Heat", "Labels", "VisitCounts", "Trajectories", "NavEpisodes", "OccupancyMap"];
-
-/// What a front is drawn of: two figures, and for each whether more of it is better.
-#[derive(Debug, Clone, Copy)]
-pub struct Front {
-    /// The figures.
-    pub figures: [Figure; 2],
-    /// Whether more is better.
-    pub larger: [bool; 2],
-}
 
 /// Returns the page of a study of these runs, its rows in the order of the table.
 #[must_use]

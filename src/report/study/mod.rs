@@ -138,6 +138,15 @@ pub enum Figure {
     Bytes,
 }
 
+/// What a front is drawn of: two figures, and for each whether more of it is better.
+#[derive(Debug, Clone, Copy)]
+pub struct Front {
+    /// The figures.
+    pub figures: [Figure; 2],
+    /// Whether more is better.
+    pub larger: [bool; 2],
+}
+
 impl Figure {
     /// Returns its value in a row.
     #[must_use]
