@@ -16,6 +16,8 @@
 //!
 //! Everything that is drawn is a function of artifacts and run records. Only [`bars`] prints.
 
+#![cfg_attr(not(feature = "pages"), expect(dead_code, reason = "some of what draws is for pages alone"))]
+
 pub mod again;
 pub mod amounts;
 mod axis;
