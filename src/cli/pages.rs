@@ -1,4 +1,4 @@
-//! Pages for a browser: what commands write as HTML. Without the feature `pages` the twin in [`super::absent`] stands here.
+//! Pages for a browser: what commands write as HTML. Without the feature `pages` its twin `absent` stands in its place.
 
 use std::path::{Path, PathBuf};
 
