@@ -32,7 +32,8 @@ fn a_feature_brings_what_it_needs_and_nothing_else_does() {
     let brought = |with: &BTreeSet<String>| {
         names(with).difference(&names(&none)).map(ToString::to_string).collect::<BTreeSet<String>>()
     };
-    assert_eq!(brought(&pages), ["base64", "maud", "maud_macros", "proc-macro2-diagnostics"].map(str::to_owned).into());
+    // And base64, which shared stores have as well, in another version.
+    assert_eq!(brought(&pages), ["maud", "maud_macros", "proc-macro2-diagnostics"].map(str::to_owned).into());
     let sql = brought(&sql);
     for expected in ["polars", "polars-core", "sqlparser"] {
         assert!(sql.contains(expected), "{expected}");
