@@ -19,7 +19,12 @@ impl Args {
     pub(super) fn run(&self, command: &mut clap::Command, screen: &Screen) -> Result<ExitCode, CliError> {
         let mut text = Vec::new();
         clap_complete::generate(self.shell, command, "trodden", &mut text);
-        screen.line(String::from_utf8_lossy(&text).trim_end())?;
+        let text = String::from_utf8_lossy(&text);
+        if screen.json() {
+            screen.object(&serde_json::json!({ "shell": self.shell.to_string(), "script": text }))?;
+        } else {
+            screen.line(text.trim_end())?;
+        }
         Ok(ExitCode::SUCCESS)
     }
 }

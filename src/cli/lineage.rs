@@ -53,7 +53,12 @@ impl Args {
         let (lineage, run) = self.find(&store)?;
         if self.dot || self.mermaid {
             let view = if self.parts { View::of_parts(&lineage) } else { View::folded(&lineage) };
-            screen.line(if self.dot { graph::dot(&view) } else { graph::mermaid(&view) })?;
+            let (form, text) = if self.dot { ("dot", graph::dot(&view)) } else { ("mermaid", graph::mermaid(&view)) };
+            if screen.json() {
+                screen.object(&serde_json::json!({ form: text }))?;
+            } else {
+                screen.line(text)?;
+            }
         } else if screen.json() {
             screen.object(&json::json(&lineage, run.as_ref()))?;
         } else {

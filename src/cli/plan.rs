@@ -5,10 +5,11 @@ use std::process::ExitCode;
 
 use super::cost::{Cost, HEADER};
 use super::error::CliError;
-use super::how::cores;
+use super::how::jobs;
 use super::request::{Known, PipelineArgs};
 use super::screen::{Screen, columns};
 use super::selection::{NAMES, SelectionArgs};
+use super::upward::StorePlace;
 use crate::pipeline::plan::{Plan, PlannedTask, State, plan};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
@@ -43,7 +44,7 @@ pub struct Args {
     /// Foresee how long it takes and how much it writes, from what is on record.
     #[arg(long)]
     cost: bool,
-    /// With `--cost`: the most nodes at a time [default: one for each core].
+    /// With `--cost`: the most nodes at a time [default: TRODDEN_JOBS, or one for each core].
     #[arg(long, short, value_name = "N", requires = "cost", value_parser = clap::value_parser!(u32).range(1..=1024))]
     jobs: Option<u32>,
     /// End with 4 if something would run, or might.
@@ -55,11 +56,11 @@ pub struct Args {
 const SOMETHING: u8 = 4;
 
 impl Args {
-    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+    pub(super) fn run(&self, register: &Register, place: &StorePlace, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.pipeline.load(register)?;
-        let plan = planned(&pipeline, store, &(&self.selection).into())?;
-        let jobs = self.jobs.map_or_else(cores, |jobs| jobs as usize);
-        let cost = if self.cost { Some(Cost::of(&pipeline, &plan, store, jobs)?) } else { None };
+        let store = place.root_for(&pipeline.file);
+        let plan = planned(&pipeline, &store, &(&self.selection).into())?;
+        let cost = if self.cost { Some(Cost::of(&pipeline, &plan, &store, jobs(self.jobs)?)?) } else { None };
         print(&plan, cost.as_ref(), self.all, screen)?;
         let counts = plan.counts();
         let idle = counts.run + counts.depends == 0;

@@ -100,7 +100,8 @@ pub(super) fn finish(report: &RecheckReport, store: &Store, screen: &Screen) -> 
         ))?;
     }
     for failure in &report.failures {
-        screen.error(&format!("`{}` failed: {}", failure.node, failure.message), failure.help.as_deref());
+        let message = format!("`{}` failed: {}", failure.node, failure.message);
+        screen.error(&message, failure.help.as_deref(), if failure.damaged { 3 } else { 1 });
     }
     if !differing.is_empty() {
         screen.remark(

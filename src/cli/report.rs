@@ -28,15 +28,21 @@ impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let store = Store::open_existing(store)?;
         let run = store.run(&self.run)?;
-        let path = match &self.out {
+        let (path, size) = match &self.out {
             Some(out) => {
                 let failed = |source| CliError::File { action: "write", path: out.clone(), source };
-                write_whole(out, html::render(&store, &run).as_bytes()).map_err(failed)?;
-                out.clone()
+                let page = html::render(&store, &run);
+                write_whole(out, page.as_bytes()).map_err(failed)?;
+                (out.clone(), page.len())
             }
-            None => html::write(&store, &run)?,
+            None => {
+                let path = html::write(&store, &run)?;
+                let failed = |source| CliError::File { action: "read", path: path.clone(), source };
+                let size = std::fs::metadata(&path).map_err(failed)?.len() as usize;
+                (path, size)
+            }
         };
-        screen.line(path.display().to_string())?;
+        screen.wrote(&path, size)?;
         Ok(ExitCode::SUCCESS)
     }
 }

@@ -134,6 +134,6 @@ fn write(
     let path =
         path.map_or_else(|| PathBuf::from(format!("{}.{extension}", node.node.replace('/', "-"))), Path::to_owned);
     write_whole(&path, bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
-    screen.line(path.display().to_string())?;
+    screen.wrote(&path, bytes.len())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -5,9 +5,10 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use serde::Serialize;
 
 use super::plain::{one_line, plain, plain_but_colors, plain_json};
-use crate::pipeline::event::{Counts, Event, RunState};
+use crate::pipeline::event::{Counts, Event, RunState, SCHEMA};
 use crate::store::{Outcome, RunStatus};
 
 use super::amounts::seconds;
@@ -25,6 +26,32 @@ pub enum BarStyle {
     Quiet,
 }
 
+/// An event as a line of JSON.
+#[derive(Debug, Serialize)]
+pub struct Line<'a> {
+    #[serde(flatten)]
+    event: &'a Event,
+    /// The version of the form that the lines have; the first says so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    schema: Option<u32>,
+    /// When it was told.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    time: Option<String>,
+}
+
+impl<'a> Line<'a> {
+    fn new(event: &'a Event) -> Self {
+        let schema = matches!(event, Event::RunStarted { .. }).then_some(SCHEMA);
+        Self { event, schema, time: None }
+    }
+
+    /// Makes a line that is told now.
+    #[must_use]
+    pub fn now(event: &'a Event, clock: fn() -> String) -> Self {
+        Self { time: Some(clock()), ..Self::new(event) }
+    }
+}
+
 /// The most bars of running nodes.
 const MOST_BARS: usize = 8;
 /// How often a bar is drawn anew while nothing happens.
@@ -37,6 +64,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 pub struct Bars {
     style: BarStyle,
     state: RunState,
+    clock: Option<fn() -> String>,
     drawn: Option<Drawn>,
     /// What first went wrong on stdout.
     failure: Option<io::Error>,
@@ -61,7 +89,13 @@ impl Bars {
     /// Starts with nothing to show yet.
     #[must_use]
     pub fn new(style: BarStyle) -> Self {
-        Self { style, state: RunState::default(), drawn: None, failure: None }
+        Self { style, state: RunState::default(), clock: None, drawn: None, failure: None }
+    }
+
+    /// Prints with every event as JSON when it was told.
+    #[must_use]
+    pub fn with_clock(self, clock: fn() -> String) -> Self {
+        Self { clock: Some(clock), ..self }
     }
 
     /// Returns where the run stands.
@@ -97,7 +131,8 @@ impl Bars {
         if matches!(event, Event::Progress { .. }) {
             return;
         }
-        let line = serde_json::to_string(event).expect("an event is JSON");
+        let line = Line { time: self.clock.map(|clock| clock()), ..Line::new(event) };
+        let line = serde_json::to_string(&line).expect("an event is JSON");
         // The run goes on all the same.
         if let Err(error) = writeln!(io::stdout().lock(), "{}", plain_json(&line))
             && error.kind() != io::ErrorKind::BrokenPipe

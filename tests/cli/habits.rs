@@ -1,0 +1,255 @@
+//! What people expect of any command: files and stores that are found, options that all commands have, JSON everywhere.
+
+use std::process::Stdio;
+
+use serde_json::Value;
+
+use super::{PIPELINE, Place, Said};
+
+/// A room of 4 m x 4 m with a wall in it.
+fn write_map(place: &Place) {
+    let wall = |x: usize, y: usize| x == 0 || y == 0 || x == 39 || y == 39 || (x == 20 && y < 20);
+    let row = |y: usize| (0..40).map(|x| if wall(x, y) { "0" } else { "255" }).collect::<Vec<_>>().join(" ");
+    let rows: Vec<String> = (0..40).map(row).collect();
+    place.write("room.pgm", format!("P2\n40 40\n255\n{}\n", rows.join("\n")));
+    let text =
+        "image: room.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n";
+    place.write("room.yaml", text);
+}
+
+/// Every line is a JSON object.
+fn objects(text: &str) -> Vec<Value> {
+    let object = |line: &str| {
+        let value: Value = serde_json::from_str(line).unwrap_or_else(|error| panic!("{error}: {line}"));
+        assert!(value.is_object(), "{line}");
+        value
+    };
+    text.lines().map(object).collect()
+}
+
+#[test]
+fn the_pipelines_file_is_found_upward() {
+    let place = Place::empty();
+    place.write("project/.git/HEAD", "");
+    place.write("project/deep/er/empty", "");
+    let said = place.refused(2, &["-C", "project/deep/er", "check"]);
+    let project = place.path("project").canonicalize().expect("is there");
+    assert!(said.contains("neither `trodden.yaml` nor `pipeline.yaml`"), "{said}");
+    let deep = format!("in `{}` or above it, up to `{}`", project.join("deep/er").display(), project.display());
+    assert!(said.contains(&deep) && said.contains("trodden init"), "{said}");
+    // Above the root of the project nothing is looked for.
+    place.write("pipeline.yaml", PIPELINE);
+    place.refused(2, &["-C", "project/deep/er", "check"]);
+    place.write("project/pipeline.yaml", PIPELINE);
+    let found = |words: &[&str]| place.out(&[&["-C", "project/deep/er"], words].concat());
+    assert!(found(&["check"]).starts_with("`pipeline` is fine"));
+    place.write("project/trodden.yaml", PIPELINE);
+    assert!(found(&["check"]).starts_with("`trodden` is fine"));
+    // The nearest folder comes first, whatever the name.
+    place.write("project/deep/pipeline.yaml", PIPELINE);
+    assert!(found(&["check"]).starts_with("`pipeline` is fine"));
+    assert!(found(&["plan"]).contains("walks/home_00"));
+    assert!(found(&["run", "--dry-run"]).contains("walks/home_00"));
+    assert!(found(&["why", "labels", "--next"]).contains("labels/home_00"));
+    assert!(found(&["why", "labels", "--set", "labels.classes=4"]).contains("labels/home_00"));
+    let swept = found(&["sweep", "labels.classes=3,4", "model.seed=1,2", "--dry-run"]);
+    assert!(swept.contains("labels"), "{swept}");
+    let said = place.refused(2, &["-C", "project/deep/er", "run", "labels.classes=4"]);
+    assert!(said.contains("--set labels.classes=4"), "{said}");
+}
+
+#[test]
+fn the_store_is_found_upward_or_by_the_pipelines_file() {
+    let place = Place::finished();
+    place.write("sub/empty", "");
+    assert!(place.out(&["-C", "sub", "status"]).contains("the store `../artifacts` holds"));
+    assert!(place.out(&["-C", "sub", "plan", "../tiny.yaml"]).contains("\n0 to run"));
+    // From elsewhere it is the one that the file's folder has.
+    let elsewhere = Place::empty();
+    let file = place.path("tiny.yaml");
+    let file = file.to_str().expect("is text");
+    assert!(elsewhere.out(&["plan", file]).contains("\n0 to run"));
+    elsewhere.out(&["run", file, "-q"]);
+    assert!(!elsewhere.path("artifacts").exists());
+    // Named, it is what was named; the option comes first.
+    let with = |variable: &str, words: &[&str]| {
+        Said::of(elsewhere.command(words).env("TRODDEN_STORE", variable).output().expect("starts"))
+    };
+    let root = place.path("artifacts");
+    assert_eq!(with(root.to_str().expect("is text"), &["status"]).code, Some(0));
+    let said = with(root.to_str().expect("is text"), &["status", "--store", "other"]);
+    assert!(said.code == Some(2) && said.err.contains("`other`"), "{}", said.err);
+    let said = with("nowhere", &["status"]);
+    assert!(said.code == Some(2) && said.err.contains("`nowhere`"), "{}", said.err);
+    assert!(with("", &["status"]).err.contains("`artifacts`"));
+}
+
+#[test]
+fn a_store_that_is_not_there_yet_is_made_where_the_project_is() {
+    let (project, elsewhere) = (Place::empty(), Place::empty());
+    project.write(".git/HEAD", "");
+    project.write("pipelines/tiny.yaml", PIPELINE);
+    let file = project.path("pipelines/tiny.yaml");
+    let run = |place: &Place, words: &[&str]| place.out(&[words, &["--only", "maps/home_00", "-q"]].concat());
+    run(&elsewhere, &["run", file.to_str().expect("is text")]);
+    assert!(project.path("artifacts/store.json").is_file() && !elsewhere.path("artifacts").exists());
+    std::fs::remove_dir_all(project.path("artifacts")).expect("removes");
+    // Below the working folder it is that folder's.
+    run(&elsewhere, &["-C", project.path("pipelines").to_str().expect("is text"), "run", "tiny.yaml"]);
+    assert!(project.path("pipelines/artifacts/store.json").is_file());
+    run(&project, &["run", "pipelines/tiny.yaml"]);
+    assert!(project.path("artifacts/store.json").is_file());
+    // Found upward, it is beside the file.
+    let found = Place::empty();
+    found.write("trodden.yaml", PIPELINE);
+    found.write("deep/er/empty", "");
+    run(&found, &["-C", "deep/er", "run"]);
+    assert!(found.path("artifacts/store.json").is_file());
+}
+
+#[test]
+fn the_environment_says_how_many_nodes_run_at_a_time() {
+    let place = Place::finished();
+    let run = |jobs: &str| {
+        let mut command = place.command(&["run", "tiny.yaml", "-q"]);
+        Said::of(command.env("TRODDEN_JOBS", jobs).output().expect("starts"))
+    };
+    assert_eq!(run("2").code, Some(0));
+    assert_eq!(run("").code, Some(0));
+    for wrong in ["0", "1025", "many"] {
+        let said = run(wrong);
+        assert_eq!(said.code, Some(2), "{}", said.err);
+        assert!(said.err.contains(&format!("TRODDEN_JOBS is `{wrong}`")), "{}", said.err);
+    }
+}
+
+#[test]
+fn options_of_all_commands_are_taken_everywhere() {
+    let place = Place::empty();
+    let swept = ["sweep", "tiny.yaml", "labels.classes=3,4", "--dry-run"];
+    assert!(place.run(&swept).err.contains("2 variants"));
+    assert_eq!(place.run(&[&swept[..], &["--quiet"]].concat()).err, "");
+    assert_eq!(place.run(&[&["-q"], &swept[..]].concat()).err, "");
+    let said = place.refused(2, &["-C", "nowhere", "status"]);
+    assert!(said.contains("failed to go into `nowhere`"), "{said}");
+    let colored = |variables: &[(&str, &str)], words: &[&str]| {
+        let mut command = place.command(&[words, &["status"]].concat());
+        let output = command.envs(variables.iter().copied()).stderr(Stdio::piped()).output().expect("starts");
+        Said::of(output).err.contains("\u{1b}[")
+    };
+    assert!(!colored(&[], &[]));
+    assert!(colored(&[], &["--color", "always"]));
+    assert!(colored(&[("CLICOLOR_FORCE", "1")], &[]));
+    assert!(!colored(&[("CLICOLOR_FORCE", "0")], &[]));
+    assert!(!colored(&[("CLICOLOR_FORCE", "1"), ("NO_COLOR", "1")], &[]));
+    assert!(colored(&[("NO_COLOR", "1")], &["--color=always"]));
+    assert!(!colored(&[("CLICOLOR_FORCE", "1")], &["--color", "never"]));
+}
+
+/// Commands that succeed, by the name of the command.
+const COMMANDS: &[(&str, &str)] = &[
+    ("run", "run tiny.yaml"),
+    ("run", "run tiny.yaml --check labels/home_00"),
+    ("sweep", "sweep tiny.yaml labels.classes=3,4 --dry-run"),
+    ("table", "table"),
+    ("plan", "plan tiny.yaml --cost"),
+    ("why", "why labels/home_00"),
+    ("status", "status"),
+    ("status", "status --follow --run latest"),
+    ("ls", "ls"),
+    ("runs", "runs"),
+    ("runs", "runs tag latest one"),
+    ("runs", "runs untag one"),
+    ("runs", "runs prune --keep 9"),
+    ("show", "show labels/home_00"),
+    ("show", "show labels/home_00 --png"),
+    ("show", "show heat/home_1000 --html page.html"),
+    ("sql", "sql SELECT*FROM'labels/home_00'"),
+    ("diff", "diff latest latest"),
+    ("diff", "diff labels/home_00 labels/home_01"),
+    ("diff", "diff labels/home_00 labels/home_01 --png"),
+    ("lineage", "lineage labels/home_00"),
+    ("lineage", "lineage labels/home_00 --dot"),
+    ("path", "path labels/home_00"),
+    ("report", "report"),
+    ("report", "report --out page.html"),
+    ("keep", "keep latest"),
+    ("gc", "gc --dry-run"),
+    ("verify", "verify"),
+    ("check", "check tiny.yaml"),
+    ("schema", "schema"),
+    ("init", "init new.yaml"),
+    ("annotate", "annotate room.yaml --out annotated"),
+    ("simulate", "simulate room.yaml --out simulated --episodes 2 --duration 5"),
+    ("plan-path", "plan-path room.yaml --from 1,1 --to 3,1 --out planned"),
+    ("export", "export model artifacts/latest/tiny/model --out model"),
+    ("export", "export node labels/home_00 --out node"),
+    ("completions", "completions bash"),
+];
+/// Commands that print nothing here, or go on until they are told to end; `live` has them.
+const ELSEWHERE: [&str; 3] = ["watch", "log", "help"];
+
+#[test]
+fn every_command_speaks_json() {
+    let place = Place::finished();
+    write_map(&place);
+    for (name, words) in COMMANDS {
+        let said = place.run(&[&words.split(' ').collect::<Vec<_>>()[..], &["--json"]].concat());
+        assert_eq!(said.code, Some(0), "{words}: {}{}", said.out, said.err);
+        let out = objects(&said.out);
+        // Two runs of the same nodes have no difference to tell of.
+        assert!(!out.is_empty() || *words == "diff latest latest", "{name}: {words}");
+        for told in objects(&said.err) {
+            let keys: Vec<&String> = told.as_object().expect("is one").keys().collect();
+            assert!(["remark", "warning", "help"].contains(&keys[0].as_str()), "{words}: {told}");
+        }
+    }
+    let help = place.out(&["--help"]);
+    let listed = help.split("Commands:\n").nth(1).and_then(|rest| rest.split("\n\n").next()).expect("lists commands");
+    for line in listed.lines().filter(|line| line.starts_with("  ") && !line.starts_with("   ")) {
+        let name = line.split_whitespace().next().expect("a name");
+        assert!(ELSEWHERE.contains(&name) || COMMANDS.iter().any(|(covered, _)| *covered == name), "`{name}`");
+    }
+}
+
+#[test]
+fn every_error_is_json_when_that_is_asked_for() {
+    let place = Place::finished();
+    place.write("bad.yaml", "seed: 1\nstages:\n  a: { use: simulat }\n  b: { use: 3 }\n");
+    let check = |code: i64, words: &str| {
+        let said = place.run(&[&words.split(' ').collect::<Vec<_>>()[..], &["--json"]].concat());
+        assert_eq!(said.code.map(i64::from), Some(code), "{words}: {}{}", said.out, said.err);
+        let told = objects(&said.err).pop().unwrap_or_else(|| panic!("{words}: nothing is said"));
+        assert_eq!(told["code"], code, "{words}: {told}");
+        assert!(!told["error"].as_str().expect("has a message").is_empty(), "{told}");
+        told
+    };
+    check(2, "log labels/home_00");
+    check(2, "run missing.yaml");
+    check(2, "ls --store nowhere");
+    check(2, "show nothing");
+    check(2, "-C nowhere ls");
+    check(2, "sql SELECT");
+    check(2, "init tiny.yaml");
+    check(2, "annotate missing.yaml --out out");
+    let told = check(2, "gc --older-than soon");
+    assert!(told["error"].as_str().expect("is text").contains("soon") && told["help"].is_string(), "{told}");
+    check(2, "no-such-command");
+    let told = check(2, "check bad.yaml");
+    let problems = told["problems"].as_array().expect("are listed");
+    assert!(problems.len() >= 2, "{told}");
+    assert_eq!((&problems[0]["file"], &problems[0]["line"]), (&"bad.yaml".into(), &3.into()), "{told}");
+    assert!(problems[0]["message"].as_str().expect("is text").contains("simulat"), "{told}");
+}
+
+#[test]
+fn events_have_a_time_and_the_first_a_version() {
+    let place = Place::finished();
+    for words in [&["run", "tiny.yaml", "--json"][..], &["status", "--follow", "--run", "latest", "--json"]] {
+        let events = place.events(0, words);
+        assert_eq!((&events[0]["event"], &events[0]["schema"]), (&"run_started".into(), &1.into()), "{words:?}");
+        let times: Vec<&str> = events.iter().map(|event| event["time"].as_str().expect("has a time")).collect();
+        assert!(times.is_sorted() && times.iter().all(|time| time.len() == 24 && time.ends_with('Z')), "{times:?}");
+        assert!(events[1..].iter().all(|event| event.get("schema").is_none()), "{words:?}");
+    }
+}
