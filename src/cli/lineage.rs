@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::of_run::{OfRun, digest_of_file, made, run_that_knows};
 use super::screen::Screen;
@@ -29,7 +32,7 @@ Examples:
 )]
 pub struct Args {
     /// A node (`heat/home_1000`), a file that was taken from the store, or the digest of an artifact.
-    #[arg(value_name = "NODE")]
+    #[arg(value_name = "NODE", add = ArgValueCompleter::new(complete::nodes_or_files))]
     of: String,
     #[command(flatten)]
     run: OfRun,

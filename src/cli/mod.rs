@@ -5,6 +5,7 @@
 
 mod annotate;
 mod check;
+mod complete;
 mod completions;
 mod cost;
 mod crowd_args;
@@ -22,6 +23,7 @@ mod lineage;
 mod log;
 mod look;
 mod ls;
+mod man;
 pub(crate) mod model_files;
 mod of_run;
 mod out_folder;
@@ -47,6 +49,7 @@ mod table;
 mod track_args;
 mod upward;
 mod verify;
+mod version;
 mod watch;
 mod why;
 
@@ -73,7 +76,7 @@ const GLOBAL: &str = "Options of all commands";
 #[command(
     name = "trodden",
     bin_name = "trodden",
-    version,
+    version = version::short(),
     propagate_version = true,
     max_term_width = 100,
     after_help = "Examples:
@@ -108,7 +111,7 @@ pub struct Cli {
     /// Print neither progress nor remarks.
     #[arg(long, short, global = true, help_heading = GLOBAL)]
     quiet: bool,
-    /// Print in color.
+    /// Print in color: `auto`, `always` or `never`.
     #[arg(long, global = true, value_name = "WHEN", value_enum, default_value = "auto", hide_possible_values = true, help_heading = GLOBAL)]
     color: Color,
     #[command(subcommand)]
@@ -171,6 +174,10 @@ enum Command {
     Export(export::Args),
     /// Print completions for a shell.
     Completions(completions::Args),
+    /// Write pages for `man`.
+    Man(man::Args),
+    /// Print the version, what was built in, and what this machine can compute with.
+    Version(version::Args),
 }
 
 /// Parses a command line, which begins with the program's name, runs the command over the
@@ -179,6 +186,11 @@ enum Command {
 pub fn main(register: &Register, arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     hush_decoder();
     let arguments: Vec<OsString> = arguments.into_iter().collect();
+    match complete::answer(Cli::command, &arguments) {
+        Ok(false) => {}
+        Ok(true) => return ExitCode::SUCCESS,
+        Err(error) => return complain(&error, &Screen::new(false, false, Color::Auto)),
+    }
     let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
         Err(said) => return explain(&said, &arguments),
@@ -282,6 +294,8 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Simulate(args) => args.run(store, screen),
         Command::PlanPath(args) => args.run(store, screen),
         Command::Export(args) => args.run(store, screen),
-        Command::Completions(args) => args.run(&mut Cli::command(), screen),
+        Command::Completions(args) => args.run(screen),
+        Command::Man(args) => args.run(Cli::command(), screen),
+        Command::Version(args) => args.run(screen),
     }
 }

@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::screen::Screen;
 use crate::report::html;
@@ -17,7 +20,7 @@ Examples:
   trodden report 20260314 --out report.html")]
 pub struct Args {
     /// Id of the run, the beginning of it, or `latest`.
-    #[arg(default_value = "latest")]
+    #[arg(default_value = "latest", add = ArgValueCompleter::new(complete::runs))]
     run: String,
     /// Write it here instead.
     #[arg(long, short, value_name = "FILE")]

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use clap_complete::engine::ArgValueCompleter;
 
 use super::error::CliError;
 use super::upward;
@@ -17,7 +18,7 @@ use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, Sto
 #[derive(Debug, Clone, Args)]
 pub struct PipelineArgs {
     /// Pipeline file (YAML) [default: `trodden.yaml` or `pipeline.yaml`, here or in a folder above].
-    #[arg(value_name = "PIPELINE")]
+    #[arg(value_name = "PIPELINE", add = ArgValueCompleter::new(upward::pipeline_files))]
     file: Option<PathBuf>,
     /// Override a value of the file: `labels.classes=4`, `seed=7`, `maps.train.homes.count=3`.
     #[arg(long = "set", value_name = "PATH=VALUE")]

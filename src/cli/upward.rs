@@ -1,7 +1,9 @@
 //! What is found from the working folder upward: the pipeline's file and the store.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
+
+use clap_complete::engine::{CompletionCandidate, PathCompleter, ValueCompleter};
 
 use super::error::CliError;
 
@@ -102,6 +104,12 @@ pub(super) fn pipeline() -> Result<PathBuf, CliError> {
             "name one, or write one to start from with `trodden init`",
         )
     })
+}
+
+/// Offers a shell the files that may be pipelines, and folders on the way to them.
+pub(super) fn pipeline_files(current: &OsStr) -> Vec<CompletionCandidate> {
+    let is_yaml = |path: &Path| path.extension().is_some_and(|ending| ending == "yaml" || ending == "yml");
+    PathCompleter::file().filter(is_yaml).complete(current)
 }
 
 /// Returns the ways up from a folder, itself (an empty one) first, to the root of its project or of the file system.

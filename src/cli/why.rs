@@ -3,10 +3,13 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::request::{Known, file, find_run, load};
 use super::screen::Screen;
-use super::upward::StorePlace;
+use super::upward::{StorePlace, pipeline_files};
 use crate::pipeline::plan::plan;
 use crate::pipeline::selection::Selection;
 use crate::pipeline::stage::Register;
@@ -26,9 +29,10 @@ Examples:
 )]
 pub struct Args {
     /// A node (`labels/home_03`), a stage (`labels`), a part (`model/epoch-07`) or a pattern (`'*/home_0?'`).
+    #[arg(add = ArgValueCompleter::new(complete::nodes))]
     node: String,
     /// Pipeline file, to ask what the next run would do.
-    #[arg(value_name = "PIPELINE")]
+    #[arg(value_name = "PIPELINE", add = ArgValueCompleter::new(pipeline_files))]
     file: Option<PathBuf>,
     /// Override a value of the file.
     #[arg(long = "set", value_name = "PATH=VALUE")]
@@ -38,10 +42,10 @@ pub struct Args {
     #[arg(long)]
     next: bool,
     /// Speak of this run: its id, the beginning of it, a tag, or `latest`.
-    #[arg(long, value_name = "ID", conflicts_with_all = ["file", "sets", "next"])]
+    #[arg(long, value_name = "ID", conflicts_with_all = ["file", "sets", "next"], add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
     /// Speak of this pipeline's newest run.
-    #[arg(long, conflicts_with_all = ["file", "sets", "next", "run"])]
+    #[arg(long, conflicts_with_all = ["file", "sets", "next", "run"], add = ArgValueCompleter::new(complete::pipelines))]
     pipeline: Option<String>,
 }
 

@@ -185,6 +185,8 @@ const COMMANDS: &[(&str, &str)] = &[
     ("export", "export model artifacts/latest/tiny/model --out model"),
     ("export", "export node labels/home_00 --out node"),
     ("completions", "completions bash"),
+    ("man", "man --out pages"),
+    ("version", "version"),
 ];
 /// Commands that print nothing here, or go on until they are told to end; `live` has them.
 const ELSEWHERE: [&str; 3] = ["watch", "log", "help"];
@@ -252,4 +254,88 @@ fn events_have_a_time_and_the_first_a_version() {
         assert!(times.is_sorted() && times.iter().all(|time| time.len() == 24 && time.ends_with('Z')), "{times:?}");
         assert!(events[1..].iter().all(|event| event.get("schema").is_none()), "{words:?}");
     }
+}
+
+/// Returns what a shell is offered for a command line whose last word is being written.
+fn offered(place: &Place, folder: &str, line: &str) -> Vec<String> {
+    let words: Vec<&str> = line.split(' ').collect();
+    let index = (words.len() - 1).to_string();
+    let mut command = place.command(&[&["--"], &words[..]].concat());
+    command.current_dir(place.path(folder)).env("TRODDEN_COMPLETE", "bash").env("_CLAP_COMPLETE_INDEX", index);
+    let said = Said::of(command.output().expect("starts"));
+    assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{line}");
+    said.out.lines().map(str::to_owned).collect()
+}
+
+#[test]
+fn shells_are_offered_what_the_store_has() {
+    let place = Place::finished();
+    place.write("sub/empty", "");
+    place.out(&["runs", "tag", "latest", "paper-v1"]);
+    let check = |line: &str, expected: &[&str]| assert_eq!(offered(&place, "", line), expected, "{line}");
+    check("trodden show lab", &["labels", "labels/home_00", "labels/home_01", "labels/home_1000"]);
+    check("trodden run tiny.yaml --only labels/home_1", &["labels/home_1000"]);
+    check("trodden path walks/home_00/", &["walks/home_00/chunk-00"]);
+    check("trodden why mod", &["model"]);
+    check("trodden keep pap", &["paper-v1"]);
+    check("trodden runs untag ", &["paper-v1"]);
+    check("trodden show model --pipeline ", &["tiny"]);
+    check("trodden run tin", &["tiny.yaml"]);
+    check("trodden compl", &["completions"]);
+    check("trodden -C sub show sco", &["scores", "scores/home_1000"]);
+    check("trodden --store nowhere show lab", &[]);
+    assert_eq!(offered(&place, "sub", "trodden show sco"), ["scores", "scores/home_1000"]);
+    let runs = offered(&place, "", "trodden ls --run ");
+    assert!(runs.len() == 3 && runs[..2] == ["latest", "paper-v1"], "{runs:?}");
+    // Nothing is there to offer, and nothing is made.
+    let empty = Place::empty();
+    assert!(offered(&empty, "", "trodden keep ").iter().all(|word| word == "latest"));
+    assert!(!empty.path("artifacts").exists());
+}
+
+#[test]
+fn every_shell_has_a_script_that_asks_the_program() {
+    let place = Place::empty();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let script = place.out(&["completions", shell]);
+        assert!(script.contains("TRODDEN_COMPLETE") && script.contains("trodden"), "{shell}: {script}");
+    }
+    let script = place.out(&["completions", "bash"]);
+    place.write("script.sh", format!("{script}\n"));
+    let bash = std::process::Command::new("bash").args(["-n", "script.sh"]).current_dir(place.path("")).status();
+    assert!(bash.expect("starts").success());
+}
+
+#[test]
+fn every_command_has_a_page_of_the_manual() {
+    let place = Place::empty();
+    place.out(&["man", "--out", "pages"]);
+    let names: Vec<String> = std::fs::read_dir(place.path("pages"))
+        .expect("lists")
+        .map(|entry| entry.expect("lists").file_name().into_string().expect("is text"))
+        .collect();
+    let commands = COMMANDS.iter().map(|(name, _)| format!("trodden-{name}.1"));
+    for page in commands.chain(["trodden.1", "trodden-runs-prune.1", "trodden-watch.1"].map(str::to_owned)) {
+        assert!(names.contains(&page), "{page}: {names:?}");
+    }
+    let page = std::fs::read_to_string(place.path("pages/trodden-run.1")).expect("is there");
+    assert!(page.contains(".TH trodden-run 1") && page.contains("keep\\-going"), "{page}");
+    let before = page;
+    place.out(&["man", "--out", "pages"]);
+    assert_eq!(std::fs::read_to_string(place.path("pages/trodden-run.1")).expect("is there"), before);
+}
+
+#[test]
+fn the_version_says_what_was_built_in() {
+    let place = Place::empty();
+    let short = place.out(&["--version"]);
+    assert!(short.starts_with(concat!("trodden ", env!("CARGO_PKG_VERSION"))) && short.lines().count() == 1, "{short}");
+    assert_eq!(place.out(&["-V"]), short);
+    let long = place.out(&["version"]);
+    assert!(long.starts_with(&short) && long.contains("\ndevice flex: computes as flex/"), "{long}");
+    let told: Value = serde_json::from_str(&place.out(&["version", "--json"])).expect("is JSON");
+    assert_eq!((&told["version"], &told["schema"]), (&env!("CARGO_PKG_VERSION").into(), &1.into()), "{told}");
+    assert_eq!(told["features"].as_array().expect("are listed").contains(&"ndarray".into()), cfg!(feature = "ndarray"));
+    let sets = told["instruction_sets"].as_array().expect("are listed");
+    assert_eq!(sets.last(), Some(&"portable".into()));
 }
