@@ -13,8 +13,9 @@ use crate::pipeline::event::Event;
 use crate::pipeline::execute::{Options, RunReport, execute, timestamp};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::Pipeline;
-use crate::report::bars::{BarStyle, Bars, Line};
+use crate::report::bars::{BarStyle, Bars};
 use crate::report::html;
+use crate::report::line::Line;
 use crate::store::{RunStatus, Store};
 
 /// The environment variable that says how many nodes may run at a time.

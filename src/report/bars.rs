@@ -5,10 +5,10 @@ use std::io::{self, Write};
 use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
-use serde::Serialize;
 
+use super::line::Line;
 use super::plain::{one_line, plain, plain_but_colors, plain_json};
-use crate::pipeline::event::{Counts, Event, RunState, SCHEMA};
+use crate::pipeline::event::{Counts, Event, RunState};
 use crate::store::{Outcome, RunStatus};
 
 use super::amounts::seconds;
@@ -24,32 +24,6 @@ pub enum BarStyle {
     Json,
     /// Only warnings, as lines on stderr.
     Quiet,
-}
-
-/// An event as a line of JSON.
-#[derive(Debug, Serialize)]
-pub struct Line<'a> {
-    #[serde(flatten)]
-    event: &'a Event,
-    /// The version of the form that the lines have; the first says so.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    schema: Option<u32>,
-    /// When it was told.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    time: Option<String>,
-}
-
-impl<'a> Line<'a> {
-    fn new(event: &'a Event) -> Self {
-        let schema = matches!(event, Event::RunStarted { .. }).then_some(SCHEMA);
-        Self { event, schema, time: None }
-    }
-
-    /// Makes a line that is told now.
-    #[must_use]
-    pub fn now(event: &'a Event, clock: fn() -> String) -> Self {
-        Self { time: Some(clock()), ..Self::new(event) }
-    }
 }
 
 /// The most bars of running nodes.
@@ -131,7 +105,7 @@ impl Bars {
         if matches!(event, Event::Progress { .. }) {
             return;
         }
-        let line = Line { time: self.clock.map(|clock| clock()), ..Line::new(event) };
+        let line = self.clock.map_or_else(|| Line::new(event), |clock| Line::now(event, clock));
         let line = serde_json::to_string(&line).expect("an event is JSON");
         // The run goes on all the same.
         if let Err(error) = writeln!(io::stdout().lock(), "{}", plain_json(&line))

@@ -23,6 +23,7 @@ mod colors;
 pub mod compare;
 mod figures;
 pub mod html;
+pub mod line;
 pub mod lineage;
 pub mod picture;
 pub mod plain;
