@@ -46,6 +46,7 @@ mod sql;
 mod status;
 mod sweep;
 mod table;
+mod trace;
 mod track_args;
 mod upward;
 mod verify;
@@ -58,6 +59,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use tracing_subscriber::filter::Targets;
 
 use crate::domain::map::DECODER_THREAD;
 use screen::{Color, Screen};
@@ -93,6 +95,7 @@ The store is that of `--store`, or of TRODDEN_STORE, or the nearest folder `arti
 Environment:
   TRODDEN_STORE             the store, as `--store`
   TRODDEN_JOBS              how many nodes may run at a time, as `--jobs`
+  TRODDEN_LOG               what is told on stderr, as `-v`: a level, or `trodden::store=debug,trodden::pipeline=info`
   TRODDEN_SIMD              the instruction set of the network: `avx512`, `avx2` or `portable`
   NO_COLOR, CLICOLOR_FORCE  colors nowhere, or everywhere
 
@@ -111,6 +114,9 @@ pub struct Cli {
     /// Print neither progress nor remarks.
     #[arg(long, short, global = true, help_heading = GLOBAL)]
     quiet: bool,
+    /// Tell on stderr what goes on inside: runs and nodes; with `-vv` reads and writes of the store, too.
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, help_heading = GLOBAL)]
+    verbose: u8,
     /// Print in color: `auto`, `always` or `never`.
     #[arg(long, global = true, value_name = "WHEN", value_enum, default_value = "auto", hide_possible_values = true, help_heading = GLOBAL)]
     color: Color,
@@ -195,14 +201,21 @@ pub fn main(register: &Register, arguments: impl IntoIterator<Item = OsString>) 
         Ok(cli) => cli,
         Err(said) => return explain(&said, &arguments),
     };
+    let targets = trace::wanted(cli.verbose);
+    // Lines would run through bars that move.
+    let is_traced = matches!(targets, Ok(Some(_)));
     let screen = Screen::new(cli.json, cli.quiet, cli.color);
-    let done = begin(&cli).and_then(|()| dispatch(&cli, register, &screen));
+    let screen = if is_traced { screen.without_bars() } else { screen };
+    let done = targets.and_then(|targets| begin(&cli, targets)).and_then(|()| dispatch(&cli, register, &screen));
     let done = done.and_then(|code| screen.flush().map(|()| code));
     done.unwrap_or_else(|error| complain(&error, &screen))
 }
 
-/// Goes where the command is to work.
-fn begin(cli: &Cli) -> Result<(), CliError> {
+/// Goes where the command is to work, and begins to tell of it if that is wanted.
+fn begin(cli: &Cli, targets: Option<Targets>) -> Result<(), CliError> {
+    if let Some(targets) = targets {
+        trace::begin(targets);
+    }
     cli.directory.as_ref().map_or(Ok(()), |folder| {
         std::env::set_current_dir(folder).map_err(|source| CliError::File {
             action: "go into",

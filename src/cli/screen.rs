@@ -43,6 +43,7 @@ impl Color {
 pub struct Screen {
     json: bool,
     quiet: bool,
+    still: bool,
     colors: bool,
     terminal: bool,
 }
@@ -52,7 +53,13 @@ impl Screen {
     #[must_use]
     pub fn new(json: bool, quiet: bool, color: Color) -> Self {
         let [colors, terminal] = [io::stderr().is_terminal(), io::stdout().is_terminal()].map(|is| color.wanted(is));
-        Self { json, quiet, colors, terminal }
+        Self { json, quiet, still: false, colors, terminal }
+    }
+
+    /// Lets no bars move on stderr.
+    #[must_use]
+    pub fn without_bars(self) -> Self {
+        Self { still: true, ..self }
     }
 
     /// Tells whether `--json` was given.
@@ -70,7 +77,7 @@ impl Screen {
     /// Tells whether bars that move are wanted on stderr.
     #[must_use]
     pub fn bars(&self) -> bool {
-        self.colors && !self.quiet && !self.json && io::stderr().is_terminal()
+        self.colors && !self.quiet && !self.still && !self.json && io::stderr().is_terminal()
     }
 
     /// Tells whether stderr takes color.

@@ -339,3 +339,24 @@ fn the_version_says_what_was_built_in() {
     let sets = told["instruction_sets"].as_array().expect("are listed");
     assert_eq!(sets.last(), Some(&"portable".into()));
 }
+
+#[test]
+fn what_goes_on_inside_is_told_when_that_is_asked_for() {
+    let place = Place::finished();
+    let run = |words: &[&str], log: Option<&str>| {
+        let mut command = place.command(&[&["run", "tiny.yaml", "--force", "scores", "--json"], words].concat());
+        let said = Said::of(command.envs(log.map(|log| ("TRODDEN_LOG", log))).output().expect("starts"));
+        assert_eq!((said.code, said.out.lines().all(|line| line.starts_with('{'))), (Some(0), true), "{}", said.err);
+        said.err
+    };
+    assert_eq!(run(&[], None), "");
+    assert_eq!(run(&[], Some("")), "");
+    let told = run(&["-v"], None);
+    assert!(told.contains("node{node=scores/home_1000 stage=score") && told.contains("run{id="), "{told}");
+    assert!(!told.contains("read{object="), "{told}");
+    assert!(run(&["-vv"], None).contains("read{object="));
+    let told = run(&[], Some("trodden::store=debug"));
+    assert!(told.contains("read{object=") && !told.contains("node{node="), "{told}");
+    let said = Said::of(place.command(&["status"]).env("TRODDEN_LOG", "trodden=loud").output().expect("starts"));
+    assert!(said.code == Some(2) && said.err.contains("TRODDEN_LOG is `trodden=loud`"), "{}", said.err);
+}

@@ -41,6 +41,7 @@ pub fn execute(
     sink: &mut dyn FnMut(&Event),
 ) -> Result<RunReport, PipelineError> {
     let begun = clock::Begun::now();
+    let _span = tracing::info_span!("run", id = %begun.id, pipeline = %pipeline.name).entered();
     let graph = Graph::new(pipeline)?;
     let ledger = Ledger::new(&graph, store, options.selection.scope(&graph)?, false)?;
     let recorder = recorder::Recorder::new(store, pipeline, options, begun);
