@@ -95,11 +95,11 @@ The store is that of `--store`, or of TRODDEN_STORE, or the nearest folder `arti
 Environment:
   TRODDEN_STORE             the store, as `--store`
   TRODDEN_JOBS              how many nodes may run at a time, as `--jobs`
-  TRODDEN_LOG               what is told on stderr, as `-v`: a level, or `trodden::store=debug,trodden::pipeline=info`
+  TRODDEN_LOG               what is told on stderr, as `-v`: `debug`, or `trodden::store=debug`
   TRODDEN_SIMD              the instruction set of the network: `avx512`, `avx2` or `portable`
   NO_COLOR, CLICOLOR_FORCE  colors nowhere, or everywhere
 
-With `--json` every line on stdout is a JSON object, and so is every line on stderr: {\"error\", \"help\", \"code\"}, {\"warning\"}, {\"remark\"} or {\"help\"}. Events (`run`, `watch`, `status --follow`) have the time; the first of a run has the version of it all, `\"schema\": 1`. A version only ever gains fields."
+With `--json` every line on stdout is a JSON object, and so is every line on stderr but what `-v` tells: {\"error\", \"help\", \"code\"}, {\"warning\"}, {\"remark\"} or {\"help\"}. Events (`run`, `watch`, `status --follow`) have the time; the first of a run has the version of it all, `\"schema\": 1`. A version only ever gains fields."
 )]
 pub struct Cli {
     /// Go into this folder first.

@@ -180,7 +180,7 @@ const COMMANDS: &[(&str, &str)] = &[
     ("schema", "schema"),
     ("init", "init new.yaml"),
     ("annotate", "annotate room.yaml --out annotated"),
-    ("simulate", "simulate room.yaml --out simulated --episodes 2 --duration 5"),
+    ("simulate", "simulate room.yaml --out simulated --episodes 2"),
     ("plan-path", "plan-path room.yaml --from 1,1 --to 3,1 --out planned"),
     ("export", "export model artifacts/latest/tiny/model --out model"),
     ("export", "export node labels/home_00 --out node"),
@@ -256,7 +256,7 @@ fn events_have_a_time_and_the_first_a_version() {
     }
 }
 
-/// Returns what a shell is offered for a command line whose last word is being written.
+/// Returns what a shell is offered, options left out, for a command line whose last word is being written.
 fn offered(place: &Place, folder: &str, line: &str) -> Vec<String> {
     let words: Vec<&str> = line.split(' ').collect();
     let index = (words.len() - 1).to_string();
@@ -264,7 +264,7 @@ fn offered(place: &Place, folder: &str, line: &str) -> Vec<String> {
     command.current_dir(place.path(folder)).env("TRODDEN_COMPLETE", "bash").env("_CLAP_COMPLETE_INDEX", index);
     let said = Said::of(command.output().expect("starts"));
     assert_eq!((said.code, said.err.as_str()), (Some(0), ""), "{line}");
-    said.out.lines().map(str::to_owned).collect()
+    said.out.lines().filter(|word| !word.starts_with('-')).map(str::to_owned).collect()
 }
 
 #[test]
