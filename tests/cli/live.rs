@@ -33,14 +33,18 @@ impl Live {
     }
 
     fn interrupt(&self) {
-        let sent = Command::new("kill").args(["-INT", &self.child.id().to_string()]).status().expect("starts");
-        assert!(sent.success());
+        interrupt(self.child.id());
     }
 
     fn end(mut self) -> Option<i32> {
         self.lines.by_ref().for_each(drop);
         self.child.wait().expect("ends").code()
     }
+}
+
+fn interrupt(process: u32) {
+    let sent = Command::new("kill").args(["-INT", &process.to_string()]).status().expect("starts");
+    assert!(sent.success());
 }
 
 #[test]
@@ -101,15 +105,16 @@ fn a_run_is_followed_from_another_process_to_its_end() {
     let mut run = Live::start(&place, &["run", "long.yaml", "--json", "--jobs", "1"]);
     let id = run.until("run_started")["id"].clone();
     run.until("node");
+    // Somebody must read what it prints, or it gets no further.
+    let process = run.child.id();
+    let run = std::thread::spawn(move || run.end());
     let mut follow = Live::start(&place, &["status", "--follow", "--json"]);
     let started = follow.until("run_started");
     assert_eq!((&started["id"], &started["pipeline"]), (&id, &"long".into()));
     assert!(started["nodes"].as_u64().is_some_and(|nodes| nodes > 1000), "{started}");
     let node = follow.until("node");
     assert_eq!((&node["node"], &node["outcome"]), (&"maps/home_00".into(), &"ran".into()));
-    run.interrupt();
-    // Somebody must read what it prints, or it never comes to its end.
-    let run = std::thread::spawn(move || run.end());
+    interrupt(process);
     let end = follow.until("run");
     assert_eq!((&end["id"], &end["status"]), (&id, &"interrupted".into()));
     assert_eq!((follow.end(), run.join().expect("does not panic")), (Some(130), Some(130)));
