@@ -7,6 +7,7 @@ mod answers;
 mod commands;
 mod contents;
 mod exports;
+mod habits;
 mod live;
 mod maps;
 mod own_stages;
@@ -101,7 +102,17 @@ impl Place {
     pub fn command(&self, words: &[&str]) -> Command {
         let mut command = Command::new(env!("CARGO_BIN_EXE_trodden"));
         command.args(words).current_dir(self.folder.path());
-        for name in ["NO_COLOR", "TERM", "COLUMNS", "RAYON_NUM_THREADS", "TRODDEN_REMOTE"] {
+        for name in [
+            "NO_COLOR",
+            "CLICOLOR_FORCE",
+            "TERM",
+            "COLUMNS",
+            "RAYON_NUM_THREADS",
+            "TRODDEN_STORE",
+            "TRODDEN_JOBS",
+            "TRODDEN_LOG",
+            "TRODDEN_REMOTE",
+        ] {
             command.env_remove(name);
         }
         heed_signals(&mut command);

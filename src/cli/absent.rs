@@ -36,7 +36,7 @@ pub mod pages {
         Ok(None)
     }
 
-    pub fn report(_: &Store, _: &Run, _: Option<&Path>) -> Result<PathBuf, CliError> {
+    pub fn report(_: &Store, _: &Run, _: Option<&Path>) -> Result<(PathBuf, usize), CliError> {
         Err(absent("pages"))
     }
 

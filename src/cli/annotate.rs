@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use super::crowd_args::{self, CrowdArgs};
 use super::error::CliError;
-use super::import_args::{ImportArgs, said};
+use super::import_args::{ImportArgs, tell};
 use super::model_files;
 use super::out_folder::OutFolder;
 use super::pages::{VIEW, View};
@@ -113,7 +113,7 @@ impl Args {
         let name = import.origin().map_name();
         screen.remark(format!("annotating {}", import.origin().path().display()));
         let imported = import.import()?;
-        screen.remark(said(&imported));
+        tell(&imported, screen);
         let Imported { map, .. } = imported;
         let place = |heat| Placed::new(*map.frame(), heat);
         let seen = self.tracks.seen(&map, &recording, screen)?;
@@ -204,7 +204,7 @@ pub(super) fn predict_by_default(map: &OccupancyMap, screen: &Screen) -> Result<
 /// Lets a model tell, with a bar.
 fn predict(map: &OccupancyMap, model: &Model, config: &AnnotateConfig, screen: &Screen) -> Result<Heat, CliError> {
     let compute = compute::open(config.device, config.simd)?;
-    let mut bar = WorkBar::new("annotate", screen.color());
+    let mut bar = WorkBar::new("annotate", screen.bars());
     let mut progress = |done: usize, all: usize| {
         bar.advance(done, all);
         ControlFlow::Continue(())

@@ -77,7 +77,7 @@ impl CrowdArgs {
 
 /// Simulates people on a map, with a bar, and says what was not as it was asked for.
 pub(super) fn simulate(map: &OccupancyMap, walks: &Walks, screen: &Screen) -> Result<Heat, CliError> {
-    let mut bar = WorkBar::new("simulate", screen.color());
+    let mut bar = WorkBar::new("simulate", screen.bars());
     let mut progress = |done: usize, all: usize| {
         bar.advance(done, all);
         ControlFlow::Continue(())
@@ -85,7 +85,7 @@ pub(super) fn simulate(map: &OccupancyMap, walks: &Walks, screen: &Screen) -> Re
     let (heat, summary) = crowd_heat::heat(map, walks, &mut progress)?;
     drop(bar);
     for warning in crowd_heat::warnings(&walks.crowd, &summary) {
-        screen.remark(format!("warning: {warning}"));
+        screen.warn(warning);
     }
     Ok(heat)
 }

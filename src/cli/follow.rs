@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::error::CliError;
-use super::how::HowArgs;
+use super::how::bars;
 use super::screen::Screen;
 use super::signals;
 use crate::pipeline::event::{Counts, Event};
@@ -27,7 +27,7 @@ pub(super) fn follow(store: &Store, id: Option<&str>, screen: &Screen) -> Result
             || CliError::advised("no run goes on in this store", "`trodden status` shows the newest of each pipeline"),
         )?,
     };
-    let mut bars = HowArgs::default().bars(screen);
+    let mut bars = bars(screen);
     let (mut told, mut begun) = (Told::default(), false);
     loop {
         let run = store.run(&id)?;

@@ -161,11 +161,7 @@ impl Args {
 }
 
 fn describe_remote(planned: &RemoteCollected, screen: &Screen) -> Result<(), CliError> {
-    screen.line(if planned.files() == 0 {
-        "nothing to free".to_owned()
-    } else {
-        format!("would free {}:", bytes(planned.bytes()))
-    })?;
+    headline(planned.files(), planned.bytes(), screen)?;
     line("objects", &planned.objects, screen)?;
     line("recipes", &planned.recipes, screen)?;
     line("records of runs", &planned.runs, screen)?;
@@ -175,6 +171,10 @@ fn describe_remote(planned: &RemoteCollected, screen: &Screen) -> Result<(), Cli
         screen.line(format!("{files} files, {}, are kept only for their age: see `--grace`", bytes(size)))?;
     }
     Ok(())
+}
+
+fn headline(files: u64, size: u64, screen: &Screen) -> Result<(), CliError> {
+    if files == 0 { screen.line("nothing to free") } else { screen.line(format!("would free {}:", bytes(size))) }
 }
 
 fn line(what: &str, freed: &Freed, screen: &Screen) -> Result<(), CliError> {
@@ -195,11 +195,7 @@ fn freed(freed: &Freed) -> serde_json::Value {
 
 fn describe(planned: &Collected, screen: &Screen) -> Result<(), CliError> {
     let line = |what: &str, freed: &Freed| line(what, freed, screen);
-    screen.line(if planned.files() == 0 {
-        "nothing to free".to_owned()
-    } else {
-        format!("would free {}:", bytes(planned.bytes()))
-    })?;
+    headline(planned.files(), planned.bytes(), screen)?;
     line("objects", &planned.objects)?;
     line("recipes", &planned.recipes)?;
     line("temporary files", &planned.temporary)?;

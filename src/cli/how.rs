@@ -11,18 +11,25 @@ use super::error::CliError;
 use super::pages;
 use super::screen::Screen;
 use super::shared::SharedArgs;
+use super::upward::variable;
 use crate::pipeline::event::Event;
-use crate::pipeline::execute::{Options, RunReport, execute};
+use crate::pipeline::execute::{Options, RunReport, execute, timestamp};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::Pipeline;
 use crate::remote::Remote;
 use crate::report::bars::{BarStyle, Bars};
+use crate::report::line::Line;
 use crate::store::{Peer, RunStatus, Store};
+
+/// The environment variable that says how many nodes may run at a time.
+const JOBS_VARIABLE: &str = "TRODDEN_JOBS";
+/// How many may.
+const MOST_JOBS: std::ops::RangeInclusive<usize> = 1..=1024;
 
 /// How to run.
 #[derive(Debug, Clone, Default, clap::Args)]
 pub struct HowArgs {
-    /// The most nodes at a time [default: one for each core].
+    /// The most nodes at a time [default: TRODDEN_JOBS, or one for each core].
     #[arg(long, short, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024))]
     jobs: Option<u32>,
     /// The most memory in GiB that nodes running beside each other may ask for [default: three quarters of the machine's].
@@ -31,9 +38,6 @@ pub struct HowArgs {
     /// After a failure go on with what does not need the failed node.
     #[arg(long)]
     keep_going: bool,
-    /// Print no progress.
-    #[arg(long, short)]
-    quiet: bool,
     #[command(flatten)]
     shared: SharedArgs,
 }
@@ -52,29 +56,22 @@ impl HowArgs {
     }
 
     /// Returns how the engine is to run a selection.
+    ///
+    /// # Errors
+    /// [`CliError::Request`] if the environment asks for what cannot be.
     pub(super) fn options<'a>(
         &self,
         selection: Selection,
         remote: Option<&'a Remote>,
         cancelled: &'a AtomicBool,
-    ) -> Options<'a> {
-        Options {
-            jobs: self.jobs.map_or_else(cores, |jobs| jobs as usize),
+    ) -> Result<Options<'a>, CliError> {
+        Ok(Options {
+            jobs: jobs(self.jobs)?,
             memory: self.memory.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64),
             keep_going: self.keep_going,
             selection,
             remote: remote.map(|remote| remote as &dyn Peer),
             cancelled,
-        }
-    }
-
-    /// Returns what follows a run on the screen.
-    pub(super) fn bars(&self, screen: &Screen) -> Bars {
-        Bars::new(match (screen.json(), self.quiet, screen.color()) {
-            (true, ..) => BarStyle::Json,
-            (_, true, _) => BarStyle::Quiet,
-            (.., true) => BarStyle::Terminal,
-            _ => BarStyle::Plain,
         })
     }
 
@@ -87,7 +84,7 @@ impl HowArgs {
         keep: bool,
         screen: &Screen,
     ) -> Result<(ExitCode, String), CliError> {
-        let mut bars = self.bars(screen);
+        let mut bars = bars(screen);
         let mut last = None;
         let report = execute(pipeline, store, options, &mut |event| {
             // The last line is for the end, when the report is written.
@@ -96,11 +93,11 @@ impl HowArgs {
         if keep {
             store.mark_keep(&report.run.id, true)?;
         }
-        let conclude = |remote| self.shared.conclude(remote, &report, (keep, self.quiet), screen);
+        let conclude = |remote| self.shared.conclude(remote, &report, keep, screen);
         let shared = remote.map_or(Ok(()), conclude);
         let page = pages::after_run(store, &report.run);
         let told = match last {
-            Some(event) if screen.json() => screen.object(&Ended::new(&event, &page)),
+            Some(event) if screen.json() => screen.object(&Ended::new(Line::now(&event, timestamp), &page)),
             Some(event) => {
                 bars.hear(&event);
                 Ok(())
@@ -109,7 +106,6 @@ impl HowArgs {
         };
         if let Ok(Some(path)) = &page
             && !screen.json()
-            && !self.quiet
         {
             screen.remark(format!("report: {}", path.display()));
         }
@@ -117,7 +113,7 @@ impl HowArgs {
         // A run that failed has a code of its own.
         if code != ExitCode::SUCCESS {
             if let Err(error) = page {
-                screen.remark(format!("warning: no report was written: {}", error.message()));
+                screen.warn(format!("no report was written: {}", error.message()));
             }
             return Ok((code, report.run.id));
         }
@@ -132,7 +128,7 @@ impl HowArgs {
 #[derive(Serialize)]
 struct Ended<'a> {
     #[serde(flatten)]
-    event: &'a Event,
+    line: Line<'a>,
     /// Where the report is; none without the feature `pages`.
     report: Option<&'a Path>,
     /// Why there is none.
@@ -141,19 +137,20 @@ struct Ended<'a> {
 }
 
 impl<'a> Ended<'a> {
-    fn new(event: &'a Event, page: &'a Result<Option<PathBuf>, CliError>) -> Self {
+    fn new(line: Line<'a>, page: &'a Result<Option<PathBuf>, CliError>) -> Self {
         let report_error = page.as_ref().err().map(CliError::message);
-        Self { event, report: page.as_ref().ok().and_then(Option::as_deref), report_error }
+        Self { line, report: page.as_ref().ok().and_then(Option::as_deref), report_error }
     }
 }
 
 /// Says how to go on, and turns the outcome into an exit code.
 fn finish(report: &RunReport, screen: &Screen) -> ExitCode {
     for failure in &report.failures {
-        screen.error(&format!("`{}` failed: {}", failure.node, failure.message), failure.help.as_deref());
+        let message = format!("`{}` failed: {}", failure.node, failure.message);
+        screen.error(&message, failure.help.as_deref(), if failure.damaged { 3 } else { 1 });
     }
     if let Some(advice) = &report.advice {
-        screen.remark(advice);
+        screen.advise(advice);
     }
     match report.run.status {
         RunStatus::Finished => ExitCode::SUCCESS,
@@ -163,8 +160,33 @@ fn finish(report: &RunReport, screen: &Screen) -> ExitCode {
     }
 }
 
-pub(super) fn cores() -> usize {
-    std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
+/// Returns what follows a run on the screen.
+pub(super) fn bars(screen: &Screen) -> Bars {
+    Bars::new(match (screen.json(), screen.quiet(), screen.bars()) {
+        (true, ..) => BarStyle::Json,
+        (_, true, _) => BarStyle::Quiet,
+        (.., true) => BarStyle::Terminal,
+        _ => BarStyle::Plain,
+    })
+    .with_clock(timestamp)
+}
+
+/// Returns how many nodes may run at a time: as many as were asked for, or else by the environment, or one for each core.
+///
+/// # Errors
+/// [`CliError::Request`] if the environment has no such number.
+pub(super) fn jobs(given: Option<u32>) -> Result<usize, CliError> {
+    if let Some(jobs) = given {
+        return Ok(jobs as usize);
+    }
+    let Some(value) = variable(JOBS_VARIABLE) else {
+        return Ok(std::thread::available_parallelism().map_or(1, std::num::NonZero::get));
+    };
+    let number = value.to_str().and_then(|text| text.trim().parse().ok());
+    number.filter(|jobs| MOST_JOBS.contains(jobs)).ok_or_else(|| {
+        let what = format!("{JOBS_VARIABLE} is `{}`", value.to_string_lossy());
+        CliError::advised(what, format!("set it to a number from 1 to {}, or unset it", MOST_JOBS.end()))
+    })
 }
 
 fn three_quarters() -> u64 {
@@ -184,10 +206,10 @@ mod tests {
         let (id, status) = ("r".to_owned(), RunStatus::Finished);
         let event = Event::Run { ran: 1, hit: 0, failed: 0, skipped: 0, wall_s: 0.5, id, status, shared: None };
         let line = |page: Result<Option<PathBuf>, CliError>| {
-            serde_json::to_string(&Ended::new(&event, &page)).expect("an event is JSON")
+            let line = Line::now(&event, || "2026-03-14T10:15:30.000Z".to_owned());
+            serde_json::to_string(&Ended::new(line, &page)).expect("an event is JSON")
         };
-        let start =
-            r#"{"event":"run","ran":1,"hit":0,"failed":0,"skipped":0,"wall_s":0.5,"id":"r","status":"finished","#;
+        let start = r#"{"event":"run","ran":1,"hit":0,"failed":0,"skipped":0,"wall_s":0.5,"id":"r","status":"finished","time":"2026-03-14T10:15:30.000Z","#;
         assert_eq!(line(Ok(Some(PathBuf::from("a/b")))), format!(r#"{start}"report":"a/b"}}"#));
         let told = line(Err(CliError::request("no room")));
         assert_eq!(told, format!(r#"{start}"report":null,"report_error":"no room"}}"#));

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::error::CliError;
+use super::screen::Screen;
 use crate::domain::map::{ImportConfig, Imported, MapImportError, Region, ScaleBar, Unit};
 use crate::stages::import_map::{self, ImportMap};
 use crate::stages::map_origin::Origin;
@@ -97,11 +98,13 @@ impl ImportArgs {
 }
 
 /// Says what was read of the map, what became of its free floor, and how to have it otherwise.
-pub(super) fn said(imported: &Imported) -> String {
+pub(super) fn tell(imported: &Imported, screen: &Screen) {
     let Imported { survey, reading, .. } = imported;
-    let doubts = reading.doubts.iter().map(|doubt| format!("warning: {doubt}"));
-    let advice = if survey.is_odd() { "; `--region all` or `--region x,y` keeps other regions" } else { "" };
-    let warning = if survey.is_odd() { "warning: " } else { "" };
-    let lines = reading.found.iter().cloned().chain(doubts).chain([format!("{warning}{survey}{advice}")]);
-    lines.collect::<Vec<_>>().join("\n")
+    reading.found.iter().for_each(|line| screen.remark(line));
+    reading.doubts.iter().for_each(|doubt| screen.warn(doubt));
+    if survey.is_odd() {
+        screen.warn(format!("{survey}; `--region all` or `--region x,y` keeps other regions"));
+    } else {
+        screen.remark(survey.to_string());
+    }
 }

@@ -44,7 +44,11 @@ impl Args {
             let _ = std::fs::remove_file(&self.file);
             failed(source)
         })?;
-        screen.line(format!("wrote `{file}`; next: trodden run {file}"))?;
+        if screen.json() {
+            screen.wrote(&self.file, text.len())?;
+        } else {
+            screen.line(format!("wrote `{file}`; next: trodden run {file}"))?;
+        }
         Ok(ExitCode::SUCCESS)
     }
 }

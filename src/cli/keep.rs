@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::screen::Screen;
 use crate::store::{Missing, Store};
@@ -16,6 +19,7 @@ Examples:
   trodden keep 20260314-101530 --off")]
 pub struct Args {
     /// Id of the run, the beginning of it, a tag, or `latest`.
+    #[arg(add = ArgValueCompleter::new(complete::runs))]
     run: String,
     /// Take the mark away.
     #[arg(long)]

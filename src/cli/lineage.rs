@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::of_run::{OfRun, digest_of_file, made, run_that_knows};
 use super::screen::Screen;
@@ -29,7 +32,7 @@ Examples:
 )]
 pub struct Args {
     /// A node (`heat/home_1000`), a file that was taken from the store, or the digest of an artifact.
-    #[arg(value_name = "NODE")]
+    #[arg(value_name = "NODE", add = ArgValueCompleter::new(complete::nodes_or_files))]
     of: String,
     #[command(flatten)]
     run: OfRun,
@@ -53,7 +56,12 @@ impl Args {
         let (lineage, run) = self.find(&store)?;
         if self.dot || self.mermaid {
             let view = if self.parts { View::of_parts(&lineage) } else { View::folded(&lineage) };
-            screen.line(if self.dot { graph::dot(&view) } else { graph::mermaid(&view) })?;
+            let (form, text) = if self.dot { ("dot", graph::dot(&view)) } else { ("mermaid", graph::mermaid(&view)) };
+            if screen.json() {
+                screen.object(&serde_json::json!({ form: text }))?;
+            } else {
+                screen.line(text)?;
+            }
         } else if screen.json() {
             screen.object(&json::json(&lineage, run.as_ref()))?;
         } else {

@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::request::{find_node, find_run};
 use super::screen::Screen;
@@ -20,12 +23,13 @@ Examples:
 )]
 pub struct Args {
     /// A node, such as `fit` or `clean/day_03`.
+    #[arg(add = ArgValueCompleter::new(complete::nodes))]
     node: String,
     /// The run it belongs to: its id, the beginning of it, or `latest` [default: the newest].
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
     /// The newest run of this pipeline.
-    #[arg(long, conflicts_with = "run")]
+    #[arg(long, conflicts_with = "run", add = ArgValueCompleter::new(complete::pipelines))]
     pipeline: Option<String>,
 }
 

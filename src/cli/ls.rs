@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::request::find_run;
 use super::runs;
@@ -19,13 +22,13 @@ use crate::store::{NodeName, Role, RunNode, Store};
   trodden ls --runs             all runs")]
 pub struct Args {
     /// Only nodes whose name begins so, or fits a pattern with `*`, `?` or `[ab]`.
-    #[arg(value_name = "NODE")]
+    #[arg(value_name = "NODE", add = ArgValueCompleter::new(complete::nodes))]
     prefix: Option<String>,
     /// Of this pipeline's newest run.
-    #[arg(long)]
+    #[arg(long, add = ArgValueCompleter::new(complete::pipelines))]
     pipeline: Option<String>,
     /// Of this run: its id, the beginning of it, a tag, or `latest`.
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
     /// Chunks and steps too.
     #[arg(long, short)]

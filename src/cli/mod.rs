@@ -7,6 +7,7 @@
 mod absent;
 mod annotate;
 mod check;
+mod complete;
 mod completions;
 mod cost;
 mod crowd_args;
@@ -23,6 +24,7 @@ mod keep;
 mod lineage;
 mod log;
 mod ls;
+mod man;
 pub(crate) mod model_files;
 mod of_run;
 mod out_folder;
@@ -52,9 +54,12 @@ mod sql;
 mod status;
 mod sweep;
 mod table;
+mod trace;
 mod track_args;
 mod transfer;
+mod upward;
 mod verify;
+mod version;
 mod watch;
 mod why;
 
@@ -63,25 +68,30 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use tracing_subscriber::filter::Targets;
 
 use crate::domain::map::DECODER_THREAD;
 #[cfg(not(feature = "pages"))]
 use absent::pages;
 #[cfg(not(feature = "sql"))]
 use absent::sql;
-use screen::Screen;
+use screen::{Color, Screen};
+use upward::StorePlace;
 
 pub(crate) use error::CliError;
 
-use crate::pipeline::error::PipelineError;
+use crate::pipeline::error::{PipelineError, SpecError};
 use crate::pipeline::stage::Register;
+
+/// The heading of the options that all commands have.
+const GLOBAL: &str = "Options of all commands";
 
 /// Learns where people walk: predicts from a floor plan how often each spot is visited.
 #[derive(Debug, Parser)]
 #[command(
     name = "trodden",
     bin_name = "trodden",
-    version,
+    version = version::short(),
     propagate_version = true,
     max_term_width = 100,
     after_help = "Examples:
@@ -89,15 +99,40 @@ use crate::pipeline::stage::Register;
   trodden run pipelines/quickstart.yaml --set labels.classes=4  only what that changes
   trodden why labels                                            what changed
   trodden show heat/home_1000                                   a picture in the terminal
-  trodden annotate my_map.yaml --out annotated                  where people walk on your map"
+  trodden annotate my_map.yaml --out annotated                  where people walk on your map
+
+Without a pipeline file, commands that take one look for `trodden.yaml` and `pipeline.yaml`, from this folder upward to the root of the project (`.git`).
+
+The store is that of `--store`, or of TRODDEN_STORE, or the nearest folder `artifacts` with a store from this folder upward. Where there is none yet, it is made as `artifacts` in this folder, or for a pipeline file elsewhere at the root of the file's project.
+
+Environment:
+  TRODDEN_STORE             the store, as `--store`
+  TRODDEN_JOBS              how many nodes may run at a time, as `--jobs`
+  TRODDEN_LOG               what is told on stderr, as `-v`: `debug`, or `trodden::store=debug`
+  TRODDEN_SIMD              the instruction set of the network: `avx512`, `avx2` or `portable`
+  NO_COLOR, CLICOLOR_FORCE  colors nowhere, or everywhere
+
+With `--json` every line on stdout is a JSON object, and so is every line on stderr but what `-v` tells: {\"error\", \"help\", \"code\"}, {\"warning\"}, {\"remark\"} or {\"help\"}. Events (`run`, `watch`, `status --follow`) have the time; the first of a run has the version of it all, `\"schema\": 1`. A version only ever gains fields."
 )]
 pub struct Cli {
-    /// Folder of the artifact store.
-    #[arg(long, global = true, value_name = "DIR", default_value = "artifacts")]
-    store: PathBuf,
+    /// Go into this folder first.
+    #[arg(short = 'C', long = "directory", global = true, value_name = "DIR", help_heading = GLOBAL)]
+    directory: Option<PathBuf>,
+    /// Folder of the artifact store [default: TRODDEN_STORE, or `artifacts` here or in a folder above].
+    #[arg(long, global = true, value_name = "DIR", help_heading = GLOBAL)]
+    store: Option<PathBuf>,
     /// Print one JSON object a line instead of text.
-    #[arg(long, global = true)]
+    #[arg(long, global = true, help_heading = GLOBAL)]
     json: bool,
+    /// Print neither progress nor remarks.
+    #[arg(long, short, global = true, help_heading = GLOBAL)]
+    quiet: bool,
+    /// Tell on stderr what goes on inside: runs and nodes; with `-vv` reads and writes of the store, too.
+    #[arg(long, short, global = true, action = clap::ArgAction::Count, help_heading = GLOBAL)]
+    verbose: u8,
+    /// Print in color: `auto`, `always` or `never`.
+    #[arg(long, global = true, value_name = "WHEN", value_enum, default_value = "auto", hide_possible_values = true, help_heading = GLOBAL)]
+    color: Color,
     #[command(subcommand)]
     command: Command,
 }
@@ -162,6 +197,10 @@ enum Command {
     Export(export::Args),
     /// Print completions for a shell.
     Completions(completions::Args),
+    /// Write pages for `man`.
+    Man(man::Args),
+    /// Print the version, what was built in, and what this machine can compute with.
+    Version(version::Args),
 }
 
 /// Parses a command line, which begins with the program's name, runs the command over the
@@ -169,13 +208,38 @@ enum Command {
 #[must_use]
 pub fn main(register: &Register, arguments: impl IntoIterator<Item = OsString>) -> ExitCode {
     hush_decoder();
-    let cli = match Cli::try_parse_from(arguments) {
+    let arguments: Vec<OsString> = arguments.into_iter().collect();
+    match complete::answer(Cli::command, &arguments) {
+        Ok(false) => {}
+        Ok(true) => return ExitCode::SUCCESS,
+        Err(error) => return complain(&error, &Screen::new(false, false, Color::Auto)),
+    }
+    let cli = match Cli::try_parse_from(&arguments) {
         Ok(cli) => cli,
-        Err(said) => return explain(&said),
+        Err(said) => return explain(&said, &arguments),
     };
-    let screen = Screen::new(cli.json);
-    let done = dispatch(&cli, register, &screen).and_then(|code| screen.flush().map(|()| code));
+    let targets = trace::wanted(cli.verbose);
+    // Lines would run through bars that move.
+    let is_traced = matches!(targets, Ok(Some(_)));
+    let screen = Screen::new(cli.json, cli.quiet, cli.color);
+    let screen = if is_traced { screen.without_bars() } else { screen };
+    let done = targets.and_then(|targets| begin(&cli, targets)).and_then(|()| dispatch(&cli, register, &screen));
+    let done = done.and_then(|code| screen.flush().map(|()| code));
     done.unwrap_or_else(|error| complain(&error, &screen))
+}
+
+/// Goes where the command is to work, and begins to tell of it if that is wanted.
+fn begin(cli: &Cli, targets: Option<Targets>) -> Result<(), CliError> {
+    if let Some(targets) = targets {
+        trace::begin(targets);
+    }
+    cli.directory.as_ref().map_or(Ok(()), |folder| {
+        std::env::set_current_dir(folder).map_err(|source| CliError::File {
+            action: "go into",
+            path: folder.clone(),
+            source,
+        })
+    })
 }
 
 /// Lets no panic of the decoder of images be printed.
@@ -190,11 +254,21 @@ pub(crate) fn hush_decoder() {
 }
 
 /// Prints the help that was asked for, or what is wrong with the command line.
-fn explain(said: &clap::Error) -> ExitCode {
-    let screen = Screen::new(false);
+fn explain(said: &clap::Error, arguments: &[OsString]) -> ExitCode {
+    // What cannot be understood may still say how to say so.
+    let json = arguments.iter().take_while(|word| *word != "--").any(|word| word == "--json");
+    let screen = Screen::new(json, false, Color::Auto);
+    let code = u8::try_from(said.exit_code()).unwrap_or(2);
+    if json && said.use_stderr() {
+        let text = said.render().to_string();
+        let (message, help) = text.split_once("\n\n").unwrap_or((&text, ""));
+        let help = Some(help.trim()).filter(|help| !help.is_empty());
+        screen.error(message.trim().trim_start_matches("error: "), help, code);
+        return ExitCode::from(code);
+    }
     match said.print().map_err(CliError::output).and_then(|()| screen.flush()) {
         Err(error) if !said.use_stderr() => complain(&error, &screen),
-        _ => ExitCode::from(u8::try_from(said.exit_code()).unwrap_or(2)),
+        _ => ExitCode::from(code),
     }
 }
 
@@ -202,21 +276,34 @@ fn explain(said: &clap::Error) -> ExitCode {
 fn complain(error: &CliError, screen: &Screen) -> ExitCode {
     match error {
         CliError::Closed => {}
+        CliError::Pipeline(PipelineError::Spec(spec)) if screen.json() => screen.fault(&faults(spec, error)),
         CliError::Pipeline(error @ PipelineError::Spec(_)) => screen.complain(&error.render(screen.color())),
-        other => screen.error(&other.message(), other.help().as_deref()),
+        other => screen.error(&other.message(), other.help().as_deref(), other.code()),
     }
-    error.code()
+    ExitCode::from(error.code())
+}
+
+/// Returns all that is wrong with a pipeline file, with the places.
+fn faults(spec: &SpecError, error: &CliError) -> serde_json::Value {
+    let problems = spec.problems().iter().map(|problem| {
+        let (file, line, column) = spec.place(problem);
+        let (message, help) = (&problem.message, &problem.help);
+        serde_json::json!({ "file": file, "line": line, "column": column, "message": message, "help": help })
+    });
+    let problems: Vec<_> = problems.collect();
+    serde_json::json!({ "error": error.message(), "help": error.help(), "code": error.code(), "problems": problems })
 }
 
 fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode, CliError> {
-    let store = cli.store.as_path();
+    let place = StorePlace::new(cli.store.clone());
+    let store = &*place.root();
     match &cli.command {
-        Command::Run(args) => args.run(register, store, screen),
-        Command::Sweep(args) => args.run(register, store, screen),
+        Command::Run(args) => args.run(register, &place, screen),
+        Command::Sweep(args) => args.run(register, &place, screen),
         Command::Table(args) => args.run(register, store, screen),
-        Command::Watch(args) => args.run(register, store, screen),
-        Command::Plan(args) => args.run(register, store, screen),
-        Command::Why(args) => args.run(register, store, screen),
+        Command::Watch(args) => args.run(register, &place, screen),
+        Command::Plan(args) => args.run(register, &place, screen),
+        Command::Why(args) => args.run(register, &place, screen),
         Command::Status(args) => args.run(store, screen),
         Command::Ls(args) => args.run(store, screen),
         Command::Runs(args) => args.run(store, screen),
@@ -229,8 +316,8 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Report(args) => args.run(store, screen),
         Command::Keep(args) => args.run(store, screen),
         Command::Gc(args) => args.run(store, screen),
-        Command::Push(args) => args.run(register, store, screen),
-        Command::Pull(args) => args.run(register, store, screen),
+        Command::Push(args) => args.run(register, &place, screen),
+        Command::Pull(args) => args.run(register, &place, screen),
         Command::Verify(args) => args.run(store, screen),
         Command::Check(args) => args.run(register, screen),
         Command::Schema(args) => args.run(register, screen),
@@ -239,6 +326,8 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Simulate(args) => args.run(store, screen),
         Command::PlanPath(args) => args.run(store, screen),
         Command::Export(args) => args.run(store, screen),
-        Command::Completions(args) => args.run(&mut Cli::command(), screen),
+        Command::Completions(args) => args.run(screen),
+        Command::Man(args) => args.run(Cli::command(), screen),
+        Command::Version(args) => args.run(screen),
     }
 }

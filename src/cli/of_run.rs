@@ -2,6 +2,9 @@
 
 use std::path::Path;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::request::{find_node, find_run};
 use crate::report::again::again_for;
@@ -14,10 +17,10 @@ const MOST_BYTES: u64 = 64 << 30;
 #[derive(Debug, clap::Args)]
 pub(super) struct OfRun {
     /// Of this pipeline's newest run.
-    #[arg(long)]
+    #[arg(long, add = ArgValueCompleter::new(complete::pipelines))]
     pipeline: Option<String>,
     /// Of this run: its id, the beginning of it, or `latest`.
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
 }
 

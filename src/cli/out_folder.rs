@@ -39,7 +39,7 @@ impl OutFolder {
             let folder = path.parent().unwrap_or(&self.out);
             std::fs::create_dir_all(folder).map_err(|source| failed(folder, source))?;
             write_whole(&path, bytes).map_err(|source| failed(&path, source))?;
-            screen.line(path.display().to_string())?;
+            screen.wrote(&path, bytes.len())?;
         }
         Ok(())
     }

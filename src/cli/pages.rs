@@ -37,12 +37,18 @@ pub fn after_run(store: &Store, run: &Run) -> Result<Option<PathBuf>, CliError> 
     }
 }
 
-/// Writes the report of a run beside its record, or to a file, and returns where it is.
-pub fn report(store: &Store, run: &Run, out: Option<&Path>) -> Result<PathBuf, CliError> {
-    let Some(out) = out else { return Ok(html::write(store, run)?) };
+/// Writes the report of a run beside its record, or to a file, and returns where it is and how many bytes it has.
+pub fn report(store: &Store, run: &Run, out: Option<&Path>) -> Result<(PathBuf, usize), CliError> {
+    let Some(out) = out else {
+        let path = html::write(store, run)?;
+        let failed = |source| CliError::File { action: "read", path: path.clone(), source };
+        let size = std::fs::metadata(&path).map_err(failed)?.len() as usize;
+        return Ok((path, size));
+    };
     let failed = |source| CliError::File { action: "write", path: out.to_owned(), source };
-    write_whole(out, html::render(store, run).as_bytes()).map_err(failed)?;
-    Ok(out.to_owned())
+    let page = html::render(store, run);
+    write_whole(out, page.as_bytes()).map_err(failed)?;
+    Ok((out.to_owned(), page.len()))
 }
 
 /// Returns a page to look closely at what lies on the map of a node; `None` if it lies on none.

@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::of_run::{OfRun, check_here, made};
 use super::screen::Screen;
@@ -20,6 +23,7 @@ Examples:
 )]
 pub struct Args {
     /// The node, such as `visits/home_00`.
+    #[arg(add = ArgValueCompleter::new(complete::nodes))]
     node: String,
     #[command(flatten)]
     run: OfRun,

@@ -7,12 +7,13 @@ use std::sync::atomic::AtomicBool;
 
 use super::cost::{Cost, HEADER};
 use super::error::CliError;
-use super::how::cores;
+use super::how::jobs;
 use super::remote_args::RemoteArgs;
 use super::request::{Known, PipelineArgs};
 use super::screen::{Screen, bytes, columns};
 use super::selection::{NAMES, SelectionArgs};
 use super::signals;
+use super::upward::StorePlace;
 use crate::pipeline::plan::{Plan, PlannedTask, State, plan_with};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
@@ -49,7 +50,7 @@ pub struct Args {
     /// Foresee how long it takes and how much it writes, from what is on record.
     #[arg(long)]
     cost: bool,
-    /// With `--cost`: the most nodes at a time [default: one for each core].
+    /// With `--cost`: the most nodes at a time [default: TRODDEN_JOBS, or one for each core].
     #[arg(long, short, value_name = "N", requires = "cost", value_parser = clap::value_parser!(u32).range(1..=1024))]
     jobs: Option<u32>,
     /// End with 4 if something would run, or might.
@@ -63,16 +64,16 @@ pub struct Args {
 const SOMETHING: u8 = 4;
 
 impl Args {
-    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+    pub(super) fn run(&self, register: &Register, place: &StorePlace, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.pipeline.load(register)?;
+        let store = place.root_for(&pipeline.file);
         let stop = Arc::new(AtomicBool::new(false));
         let remote = self.remote.open(Some(&pipeline), &stop)?;
         if remote.is_some() {
             signals::listen(&stop);
         }
-        let plan = planned(&pipeline, store, &(&self.selection).into(), remote.as_ref(), screen)?;
-        let jobs = self.jobs.map_or_else(cores, |jobs| jobs as usize);
-        let cost = if self.cost { Some(Cost::of(&pipeline, &plan, store, jobs)?) } else { None };
+        let plan = planned(&pipeline, &store, &(&self.selection).into(), remote.as_ref(), screen)?;
+        let cost = if self.cost { Some(Cost::of(&pipeline, &plan, &store, jobs(self.jobs)?)?) } else { None };
         print(&plan, cost.as_ref(), self.all, screen)?;
         let counts = plan.counts();
         let idle = counts.run + counts.depends + counts.pull == 0;

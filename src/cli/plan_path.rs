@@ -10,7 +10,7 @@ use serde_json::json;
 use super::annotate::predict_by_default;
 use super::error::CliError;
 use super::heat_file::read_heat;
-use super::import_args::{ImportArgs, said};
+use super::import_args::{ImportArgs, tell};
 use super::out_folder::OutFolder;
 use super::pages::{VIEW, View};
 use super::screen::Screen;
@@ -101,12 +101,12 @@ impl Args {
         inputs.extend(self.heat.clone());
         self.out.check(&[CSV, GEOJSON, PICTURE, VIEW], &inputs)?;
         let imported = import.import()?;
-        screen.remark(said(&imported));
+        tell(&imported, screen);
         let Imported { map, .. } = imported;
         let start = trip.on(&map).map_err(refused)?;
         let heat = self.heat(&map, screen)?;
         let planned = start.among(&heat).map_err(refused)?;
-        self.tell(&planned, screen);
+        self.tell(&planned, screen)?;
         let paths = [&planned.found.shortest, planned.chosen()];
         let frame = map.frame();
         let name = import.origin().map_name();
@@ -141,8 +141,17 @@ impl Args {
     }
 
     /// Says what was found.
-    fn tell(&self, planned: &Planned, screen: &Screen) {
+    fn tell(&self, planned: &Planned, screen: &Screen) -> Result<(), CliError> {
         let Planned { found, people, is_best } = planned;
+        if screen.json() {
+            let path = |path: &Path| json!({ "length_m": path.route.length(), "expected_social_cost": path.cost, "lambda_m": path.lambda });
+            return screen.object(&json!({
+                "people": people,
+                "shortest": path(&found.shortest),
+                "planned": path(planned.chosen()),
+                "best": path(&found.best),
+            }));
+        }
         screen.remark(format!("{people:.1} people are reckoned with"));
         screen.remark(format!("shortest path: {}", told(&found.shortest)));
         let longer = 100.0 * (found.best.route.length() / found.shortest.route.length() - 1.0);
@@ -156,6 +165,7 @@ impl Args {
                 "there is no way around people within {within} % that is worth it (the best one: {compared}): the shortest path is planned"
             ));
         }
+        Ok(())
     }
 }
 

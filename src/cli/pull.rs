@@ -1,7 +1,6 @@
 //! `pull`: brings results here from a shared store.
 
 use std::collections::BTreeSet;
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -12,6 +11,7 @@ use super::request::load;
 use super::screen::{Screen, bytes};
 use super::signals;
 use super::transfer::{Item, Moved, Targets, each, of_run, tally, tell};
+use super::upward::StorePlace;
 use crate::pipeline::plan::{State, plan_with};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
@@ -40,12 +40,12 @@ pub struct Args {
 }
 
 impl Args {
-    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+    pub(super) fn run(&self, register: &Register, place: &StorePlace, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.targets.file().map(|file| load(&file, &self.targets.sets, register)).transpose()?;
         let stop = Arc::new(AtomicBool::new(false));
         let remote = self.remote.need(pipeline.as_ref(), &stop)?;
         signals::listen(&stop);
-        let store = Store::open_until(store, &stop)?;
+        let store = Store::open_until(&self.targets.store(place), &stop)?;
         remote.check()?;
         let (items, unmade, run) = match &pipeline {
             Some(pipeline) => {
@@ -94,8 +94,7 @@ impl Args {
     /// Finds what a pipeline's nodes would be and is there; returns how many are not, too.
     fn of_pipeline(&self, pipeline: &Pipeline, store: &Store, remote: &Remote) -> Result<(Vec<Item>, usize), CliError> {
         check_sources(pipeline)?;
-        let selection = Selection { only: self.targets.nodes().to_vec(), ..Selection::default() };
-        let plan = plan_with(pipeline, store, Some(remote), &selection)?;
+        let plan = plan_with(pipeline, store, Some(remote), &Selection::only(self.targets.nodes()))?;
         let (mut items, mut unmade) = (Vec::new(), 0);
         for task in &plan.tasks {
             let (artifact, objects) = match &task.state {

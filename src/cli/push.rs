@@ -1,6 +1,5 @@
 //! `push`: gives results to a shared store.
 
-use std::path::Path;
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -11,6 +10,7 @@ use super::request::{find_run, load};
 use super::screen::{Screen, bytes};
 use super::signals;
 use super::transfer::{Item, Moved, Targets, each, of_run, tally, tell};
+use super::upward::StorePlace;
 use crate::pipeline::plan::{State, plan};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::Pipeline;
@@ -42,11 +42,11 @@ pub struct Args {
 }
 
 impl Args {
-    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+    pub(super) fn run(&self, register: &Register, place: &StorePlace, screen: &Screen) -> Result<ExitCode, CliError> {
         let pipeline = self.targets.file().map(|file| load(&file, &self.targets.sets, register)).transpose()?;
         let stop = Arc::new(AtomicBool::new(false));
         let remote = self.remote.need(pipeline.as_ref(), &stop)?;
-        let store = Store::open_existing(store)?;
+        let store = Store::open_existing(&self.targets.store(place))?;
         signals::listen(&stop);
         let (items, run) = self.items(pipeline.as_ref(), &store)?;
         if self.dry_run {
@@ -91,7 +91,7 @@ impl Args {
             let items = of_run(&run, names)?;
             return Ok((items, Some(run).filter(|_| names.is_empty())));
         };
-        let plan = plan(pipeline, store, &Selection { only: names.to_vec(), ..Selection::default() })?;
+        let plan = plan(pipeline, store, &Selection::only(names))?;
         let items = plan.tasks.iter().filter_map(|task| match (&task.state, task.key) {
             (State::Hit { artifact }, Some(key)) => {
                 let (name, artifact) = (task.name.clone(), artifact.clone());

@@ -3,8 +3,10 @@
 use std::process::ExitCode;
 
 use bytes::Bytes;
+use clap_complete::engine::ArgValueCompleter;
 use serde::Serialize;
 
+use super::complete;
 use super::error::CliError;
 use super::screen::Screen;
 use crate::kinds::parquet::differing_columns;
@@ -18,7 +20,7 @@ const SHOWN: usize = 8;
 #[derive(Debug, Clone, clap::Args)]
 pub struct CheckArgs {
     /// Make these nodes, with all their parts, again beside what is on record and compare the bits; replaces nothing.
-    #[arg(long = "check", value_name = "NODE", conflicts_with_all = SELECTING)]
+    #[arg(long = "check", value_name = "NODE", conflicts_with_all = SELECTING, add = ArgValueCompleter::new(complete::nodes))]
     names: Vec<String>,
     /// As `--check`, for a share (`5%`) of all nodes and parts that are on record.
     #[arg(long = "check-sample", value_name = "SHARE", value_parser = share, conflicts_with = "names", conflicts_with_all = SELECTING)]
@@ -100,7 +102,8 @@ pub(super) fn finish(report: &RecheckReport, store: &Store, screen: &Screen) -> 
         ))?;
     }
     for failure in &report.failures {
-        screen.error(&format!("`{}` failed: {}", failure.node, failure.message), failure.help.as_deref());
+        let message = format!("`{}` failed: {}", failure.node, failure.message);
+        screen.error(&message, failure.help.as_deref(), if failure.damaged { 3 } else { 1 });
     }
     if !differing.is_empty() {
         screen.remark(

@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::pages;
 use super::screen::Screen;
@@ -17,7 +20,7 @@ Examples:
   trodden report 20260314 --out report.html")]
 pub struct Args {
     /// Id of the run, the beginning of it, or `latest`.
-    #[arg(default_value = "latest")]
+    #[arg(default_value = "latest", add = ArgValueCompleter::new(complete::runs))]
     run: String,
     /// Write it here instead.
     #[arg(long, short, value_name = "FILE")]
@@ -29,8 +32,8 @@ impl Args {
         pages::check(true)?;
         let store = Store::open_existing(store)?;
         let run = store.run(&self.run)?;
-        let path = pages::report(&store, &run, self.out.as_deref())?;
-        screen.line(path.display().to_string())?;
+        let (path, size) = pages::report(&store, &run, self.out.as_deref())?;
+        screen.wrote(&path, size)?;
         Ok(ExitCode::SUCCESS)
     }
 }

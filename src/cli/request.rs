@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
+use clap_complete::engine::ArgValueCompleter;
 
 use super::error::CliError;
+use super::upward;
 use crate::pipeline::plan::Lookups;
 use crate::pipeline::spec::{self, Pipeline, suggest};
 use crate::pipeline::stage::Register;
@@ -15,24 +17,33 @@ use crate::store::{Artifact, Digest, Key, Record, Role, Run, RunNode, Store, Sto
 /// A pipeline file and the settings that override it.
 #[derive(Debug, Clone, Args)]
 pub struct PipelineArgs {
-    /// Pipeline file (YAML).
-    #[arg(value_name = "PIPELINE")]
-    pub file: PathBuf,
+    /// Pipeline file (YAML) [default: `trodden.yaml` or `pipeline.yaml`, here or in a folder above].
+    #[arg(value_name = "PIPELINE", add = ArgValueCompleter::new(upward::pipeline_files))]
+    file: Option<PathBuf>,
     /// Override a value of the file: `labels.classes=4`, `seed=7`, `maps.train.homes.count=3`.
     #[arg(long = "set", value_name = "PATH=VALUE")]
-    pub sets: Vec<String>,
+    sets: Vec<String>,
 }
 
 impl PipelineArgs {
+    /// Returns the file: the one that was named, or the one that is found.
+    ///
+    /// # Errors
+    /// [`CliError::Request`] if none was named and none is found.
+    pub fn file(&self) -> Result<PathBuf, CliError> {
+        file(self.file.as_deref())
+    }
+
     /// Reads and checks the pipeline.
     ///
     /// # Errors
     /// [`CliError::Pipeline`] with all that is wrong with the file.
     pub fn load(&self, register: &Register) -> Result<Pipeline, CliError> {
-        load(&self.file, &self.sets, register)
+        load(&self.file()?, &self.sets, register)
     }
 
-    /// Reads and checks the pipeline with more that varies than its file says.
+    /// Reads and checks the pipeline with more that varies than its file says. What stands in the place of the file is an
+    /// axis, too, if it has the form of one.
     ///
     /// # Errors
     /// As [`PipelineArgs::load`].
@@ -42,10 +53,27 @@ impl PipelineArgs {
         sample: Option<(usize, u64)>,
         register: &Register,
     ) -> Result<Pipeline, CliError> {
+        let first = self.file.as_deref().and_then(Path::to_str).filter(|first| first.contains('='));
+        let axes: Vec<String> = first.map(str::to_owned).into_iter().chain(axes.iter().cloned()).collect();
+        let file = file(self.file.as_deref().filter(|_| first.is_none()))?;
         let variables = variables();
-        let request = spec::Request::new(&self.file, &self.sets, &variables, register);
-        Ok(spec::load(&spec::Request { axes, sample, ..request })?)
+        let request = spec::Request::new(&file, &self.sets, &variables, register);
+        Ok(spec::load(&spec::Request { axes: &axes, sample, ..request })?)
     }
+}
+
+/// Returns the pipeline file that was named, or the one that is found.
+///
+/// # Errors
+/// [`CliError::Request`] if none was named and none is found, or a setting stands in its place.
+pub fn file(named: Option<&Path>) -> Result<PathBuf, CliError> {
+    let Some(named) = named else { return upward::pipeline() };
+    let text = named.to_string_lossy();
+    if text.contains('=') && !named.exists() {
+        let what = format!("there is no pipeline file `{text}`");
+        return Err(CliError::advised(what, format!("a setting is given as `--set {text}`")));
+    }
+    Ok(named.to_owned())
 }
 
 fn variables() -> BTreeMap<String, String> {

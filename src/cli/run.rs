@@ -6,13 +6,14 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::error::CliError;
-use super::how::HowArgs;
+use super::how::{HowArgs, bars};
 use super::plan::print_plan;
 use super::recheck::{self, CheckArgs};
 use super::request::PipelineArgs;
 use super::screen::Screen;
 use super::selection::{NAMES, SelectionArgs};
 use super::signals;
+use super::upward::StorePlace;
 use crate::pipeline::execute::{Options, recheck};
 use crate::pipeline::spec::Pipeline;
 use crate::pipeline::stage::Register;
@@ -56,8 +57,9 @@ pub struct Args {
 }
 
 impl Args {
-    pub(super) fn run(&self, register: &Register, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
-        Ok(self.run_pipeline(&self.pipeline.load(register)?, store, screen)?.0)
+    pub(super) fn run(&self, register: &Register, place: &StorePlace, screen: &Screen) -> Result<ExitCode, CliError> {
+        let pipeline = self.pipeline.load(register)?;
+        Ok(self.run_pipeline(&pipeline, &place.root_for(&pipeline.file), screen)?.0)
     }
 
     /// Returns the pipeline that is asked for.
@@ -80,12 +82,12 @@ impl Args {
         }
         signals::listen(&cancelled);
         let store = Store::open_until(store, &cancelled)?;
-        let options = self.how.options((&self.selection).into(), remote.as_ref(), &cancelled);
+        let options = self.how.options((&self.selection).into(), remote.as_ref(), &cancelled)?;
         let Some(sample) = self.check.sample() else {
             let (code, id) = self.how.run(pipeline, &store, (&options, remote.as_ref()), self.keep, screen)?;
             return Ok((code, Some(id)));
         };
-        let mut bars = self.how.bars(screen);
+        let mut bars = bars(screen);
         let options = Options { keep_going: true, ..options };
         let report = recheck(pipeline, &store, &sample, &options, &mut |event| bars.hear(event))?;
         let code = recheck::finish(&report, &store, screen)?;

@@ -5,7 +5,9 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Subcommand;
+use clap_complete::engine::ArgValueCompleter;
 
+use super::complete;
 use super::cost::judged_of;
 use super::error::CliError;
 use super::keep::gone;
@@ -49,6 +51,7 @@ Examples:
   trodden ls --run paper-v1")]
 struct TagArgs {
     /// Id of the run, the beginning of it, another tag, or `latest`.
+    #[arg(add = ArgValueCompleter::new(complete::runs))]
     run: String,
     /// The name: a letter, then letters, digits, `.`, `_` or `-`.
     name: String,
@@ -60,6 +63,7 @@ struct TagArgs {
   trodden runs untag paper-v1")]
 struct UntagArgs {
     /// The name.
+    #[arg(add = ArgValueCompleter::new(complete::tags))]
     name: String,
 }
 
@@ -74,7 +78,7 @@ Examples:
 )]
 struct RmArgs {
     /// Ids of the runs, or beginnings of them.
-    #[arg(required = true, value_name = "RUN")]
+    #[arg(required = true, value_name = "RUN", add = ArgValueCompleter::new(complete::runs))]
     runs: Vec<String>,
     /// Only show what would go.
     #[arg(long)]

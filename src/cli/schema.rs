@@ -17,7 +17,11 @@ pub struct Args {}
 impl Args {
     pub(super) fn run(&self, register: &Register, screen: &Screen) -> Result<ExitCode, CliError> {
         let schema = crate::pipeline::schema::schema(register);
-        screen.line(serde_json::to_string_pretty(&schema).expect("a schema is JSON"))?;
+        if screen.json() {
+            screen.object(&schema)?;
+        } else {
+            screen.line(serde_json::to_string_pretty(&schema).expect("a schema is JSON"))?;
+        }
         Ok(ExitCode::SUCCESS)
     }
 }

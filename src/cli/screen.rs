@@ -1,33 +1,65 @@
 //! Where commands print: data to stdout, everything else to stderr, in color where that is wanted.
 
 use std::io::{self, IsTerminal, Write};
+use std::path::Path;
 
 use serde::Serialize;
+use serde_json::json;
 
 use super::error::CliError;
+use super::upward::variable;
 use crate::report::plain::{one_line, plain, plain_but_colors, plain_json};
 
 pub use crate::report::amounts::bytes;
+
+/// When to print in color.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, clap::ValueEnum)]
+pub enum Color {
+    /// On a terminal that takes it, unless `NO_COLOR` is set, and wherever `CLICOLOR_FORCE` is.
+    #[default]
+    Auto,
+    /// Everywhere.
+    Always,
+    /// Nowhere.
+    Never,
+}
+
+impl Color {
+    /// Tells whether a stream gets colors.
+    fn wanted(self, is_terminal: bool) -> bool {
+        let is = |name, value: &str| std::env::var_os(name).is_some_and(|set| set == value);
+        match self {
+            Self::Always => true,
+            Self::Never => false,
+            Self::Auto if variable("NO_COLOR").is_some() => false,
+            Self::Auto if variable("CLICOLOR_FORCE").is_some() && !is("CLICOLOR_FORCE", "0") => true,
+            Self::Auto => is_terminal && !is("TERM", "dumb"),
+        }
+    }
+}
 
 /// The two streams and how to write to them.
 #[derive(Debug)]
 pub struct Screen {
     json: bool,
+    quiet: bool,
+    still: bool,
     colors: bool,
     terminal: bool,
 }
 
 impl Screen {
-    /// Looks at the terminal and at `NO_COLOR`.
+    /// Looks at the terminal and at what the environment says of colors.
     #[must_use]
-    pub fn new(json: bool) -> Self {
-        let plain = std::env::var_os("NO_COLOR").is_some_and(|value| !value.is_empty());
-        let dumb = std::env::var_os("TERM").is_some_and(|value| value == "dumb");
-        Self {
-            json,
-            colors: !plain && !dumb && io::stderr().is_terminal(),
-            terminal: !plain && !dumb && io::stdout().is_terminal(),
-        }
+    pub fn new(json: bool, quiet: bool, color: Color) -> Self {
+        let [colors, terminal] = [io::stderr().is_terminal(), io::stdout().is_terminal()].map(|is| color.wanted(is));
+        Self { json, quiet, still: false, colors, terminal }
+    }
+
+    /// Lets no bars move on stderr.
+    #[must_use]
+    pub fn without_bars(self) -> Self {
+        Self { still: true, ..self }
     }
 
     /// Tells whether `--json` was given.
@@ -36,13 +68,25 @@ impl Screen {
         self.json
     }
 
+    /// Tells whether neither progress nor remarks are wanted.
+    #[must_use]
+    pub const fn quiet(&self) -> bool {
+        self.quiet
+    }
+
+    /// Tells whether bars that move are wanted on stderr.
+    #[must_use]
+    pub fn bars(&self) -> bool {
+        self.colors && !self.quiet && !self.still && !self.json && io::stderr().is_terminal()
+    }
+
     /// Tells whether stderr takes color.
     #[must_use]
     pub const fn color(&self) -> bool {
         self.colors
     }
 
-    /// Tells whether stdout is a terminal that takes color.
+    /// Tells whether stdout takes color.
     #[must_use]
     pub const fn terminal(&self) -> bool {
         self.terminal
@@ -72,6 +116,17 @@ impl Screen {
         print(&plain_json(&serde_json::to_string(value).expect("what is printed is JSON")))
     }
 
+    /// Prints which file was written.
+    ///
+    /// # Errors
+    /// As [`Screen::line`].
+    pub fn wrote(&self, path: &Path, size: usize) -> Result<(), CliError> {
+        if self.json {
+            return self.object(&json!({ "file": path, "bytes": size }));
+        }
+        self.line(path.display().to_string())
+    }
+
     /// Makes sure that all data are out.
     ///
     /// # Errors
@@ -95,18 +150,43 @@ impl Screen {
         Ok(matches!(answer.trim().to_lowercase().as_str(), "y" | "yes"))
     }
 
-    /// Prints a remark to stderr.
+    /// Prints a remark to stderr, unless none is wanted.
     pub fn remark(&self, text: impl AsRef<str>) {
-        self.complain(text.as_ref());
+        if !self.quiet {
+            self.say("remark", text.as_ref());
+        }
     }
 
-    /// Prints an error and what helps to stderr.
-    pub fn error(&self, message: &str, help: Option<&str>) {
+    /// Prints to stderr what helps against errors that were printed.
+    pub fn advise(&self, text: impl AsRef<str>) {
+        self.say("help", text.as_ref());
+    }
+
+    /// Prints a warning to stderr.
+    pub fn warn(&self, text: impl AsRef<str>) {
+        let text = text.as_ref();
+        if self.json { self.say("warning", text) } else { self.complain(&format!("warning: {text}")) }
+    }
+
+    fn say(&self, what: &str, text: &str) {
+        if self.json { self.fault(&json!({ what: text })) } else { self.complain(text) }
+    }
+
+    /// Prints an error, what helps and the exit code that stands for it to stderr.
+    pub fn error(&self, message: &str, help: Option<&str>, code: u8) {
+        if self.json {
+            return self.fault(&json!({ "error": message, "help": help, "code": code }));
+        }
         let (red, cyan, reset) = if self.colors { ("\x1b[1;31m", "\x1b[1;36m", "\x1b[0m") } else { ("", "", "") };
         self.complain(&format!("{red}error{reset}: {}", plain(message)));
         if let Some(help) = help {
             self.complain(&format!("{cyan}help{reset}: {}", plain(help)));
         }
+    }
+
+    /// Prints a value as one line of JSON to stderr.
+    pub fn fault(&self, value: &impl Serialize) {
+        self.complain(&plain_json(&serde_json::to_string(value).expect("what is printed is JSON")));
     }
 
     /// Prints text to stderr; there is nowhere left to say that stderr is closed.

@@ -1,5 +1,8 @@
 //! What of a pipeline is asked for.
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use crate::pipeline::selection::Selection;
 
 /// How nodes are named, for the helps of commands.
@@ -9,16 +12,16 @@ pub(super) const NAMES: &str = "A NODE is a node (`labels/home_03`), a stage (`l
 #[derive(Debug, Clone, clap::Args)]
 pub struct SelectionArgs {
     /// Only these nodes and what they need; may be given more than once.
-    #[arg(long, value_name = "NODE", conflicts_with = "until")]
+    #[arg(long, value_name = "NODE", conflicts_with = "until", add = ArgValueCompleter::new(complete::nodes))]
     only: Vec<String>,
     /// Everything but what lies behind these nodes; may be given more than once.
-    #[arg(long, value_name = "NODE")]
+    #[arg(long, value_name = "NODE", add = ArgValueCompleter::new(complete::nodes))]
     until: Vec<String>,
     /// Without these nodes and all that reads them; may be given more than once.
-    #[arg(long, value_name = "NODE")]
+    #[arg(long, value_name = "NODE", add = ArgValueCompleter::new(complete::nodes))]
     exclude: Vec<String>,
     /// Make these nodes again although they are on record; what reads them follows only if other bytes come out.
-    #[arg(long, value_name = "NODE")]
+    #[arg(long, value_name = "NODE", add = ArgValueCompleter::new(complete::nodes))]
     force: Vec<String>,
 }
 

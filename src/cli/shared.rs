@@ -40,7 +40,7 @@ impl SharedArgs {
         &self,
         remote: &Remote,
         report: &RunReport,
-        (keep, quiet): (bool, bool),
+        keep: bool,
         screen: &Screen,
     ) -> Result<(), CliError> {
         let traffic = report.shared.unwrap_or_default();
@@ -49,7 +49,7 @@ impl SharedArgs {
         } else {
             Ok(())
         };
-        if !screen.json() && !quiet && (traffic.pulled > 0 || traffic.pushed > 0) {
+        if !screen.json() && (traffic.pulled > 0 || traffic.pushed > 0) {
             screen.remark(format!(
                 "shared store {}: {} pulled ({}), {} pushed ({})",
                 remote.address(),
@@ -60,10 +60,10 @@ impl SharedArgs {
             ));
         }
         for news in remote.take_news() {
-            screen.remark(format!("warning: {news}"));
+            screen.warn(news);
         }
         if traffic.unpushed > 0 {
-            screen.remark(format!(
+            screen.warn(format!(
                 "{} results did not get into the shared store; `trodden push {}` gives them to it later",
                 traffic.unpushed, report.run.file
             ));

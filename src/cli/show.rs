@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::pages;
 use super::request::{find_node, find_run};
@@ -20,12 +23,13 @@ use crate::store::{Run, RunNode, Store, write_whole};
   trodden show model")]
 pub struct Args {
     /// The node, such as `heat/home_1000`.
+    #[arg(add = ArgValueCompleter::new(complete::nodes))]
     node: String,
     /// Of this pipeline's newest run.
-    #[arg(long)]
+    #[arg(long, add = ArgValueCompleter::new(complete::pipelines))]
     pipeline: Option<String>,
     /// Of this run: its id, the beginning of it, or `latest`.
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
     /// Write a picture (PNG) to this file, or to one named after the node.
     #[arg(long, value_name = "FILE")]
@@ -136,6 +140,6 @@ fn write(
     let path =
         path.map_or_else(|| PathBuf::from(format!("{}.{extension}", node.node.replace('/', "-"))), Path::to_owned);
     write_whole(&path, bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
-    screen.line(path.display().to_string())?;
+    screen.wrote(&path, bytes.len())?;
     Ok(ExitCode::SUCCESS)
 }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use super::crowd_args::{self, CrowdArgs};
 use super::error::CliError;
-use super::import_args::{ImportArgs, said};
+use super::import_args::{ImportArgs, tell};
 use super::out_folder::OutFolder;
 use super::pages::{VIEW, View};
 use super::screen::Screen;
@@ -50,7 +50,7 @@ impl Args {
         self.out.check(&[HEAT, MAP, PICTURE, VIEW], &inputs)?;
         screen.remark(format!("simulating people on {}", import.origin().path().display()));
         let imported = import.import()?;
-        screen.remark(said(&imported));
+        tell(&imported, screen);
         let Imported { map, .. } = imported;
         let heat = Placed::new(*map.frame(), crowd_args::simulate(&map, &walks, screen)?);
         let name = import.origin().map_name();

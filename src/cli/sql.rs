@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::request::find_run;
 use super::screen::Screen;
@@ -24,10 +27,10 @@ pub struct Args {
     /// The query.
     query: String,
     /// Nodes are those of this pipeline's newest run.
-    #[arg(long)]
+    #[arg(long, add = ArgValueCompleter::new(complete::pipelines))]
     pipeline: Option<String>,
     /// Nodes are those of this run: its id, the beginning of it, or `latest`.
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
     /// Print at most so many rows; 0 is all.
     #[arg(long, default_value_t = 50)]

@@ -3,6 +3,9 @@
 use std::path::Path;
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::follow::follow;
 use super::runs::run_table;
@@ -27,7 +30,7 @@ pub struct Args {
     #[arg(long, short)]
     follow: bool,
     /// Follow this run: its id, the beginning of it, or a tag.
-    #[arg(long, value_name = "ID", requires = "follow")]
+    #[arg(long, value_name = "ID", requires = "follow", add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
 }
 

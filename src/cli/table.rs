@@ -3,6 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::pages;
 use super::request::find_run;
@@ -33,7 +36,7 @@ Examples:
 )]
 pub struct Args {
     /// Runs: ids, their beginnings, or `latest` [default: the newest].
-    #[arg(value_name = "RUN")]
+    #[arg(value_name = "RUN", add = ArgValueCompleter::new(complete::runs))]
     runs: Vec<String>,
     #[command(flatten)]
     table: TableArgs,

@@ -3,8 +3,12 @@
 use std::path::PathBuf;
 use std::sync::Mutex;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::screen::Screen;
+use super::upward::StorePlace;
 use crate::pipeline::meaning::find_named;
 use crate::remote::{Remote, RemoteError};
 use crate::report::bars::WorkBar;
@@ -15,13 +19,13 @@ use crate::store::{Artifact, Key, NodeName, Role, Run, RunNode, StoreError};
 pub(super) struct Targets {
     /// Pipeline file, then nodes (`labels/home_03`), stages (`labels`) or parts; with `--run` nodes alone. The newest run if
     /// there is neither.
-    #[arg(value_name = "PIPELINE NODE")]
+    #[arg(value_name = "PIPELINE NODE", add = ArgValueCompleter::new(complete::nodes_or_files))]
     names: Vec<String>,
     /// Override a value of the file.
     #[arg(long = "set", value_name = "PATH=VALUE", conflicts_with = "run")]
     pub sets: Vec<String>,
     /// Of this run: its id, the beginning of it, or `latest`.
-    #[arg(long, value_name = "ID")]
+    #[arg(long, value_name = "ID", add = ArgValueCompleter::new(complete::runs))]
     pub run: Option<String>,
 }
 
@@ -29,6 +33,11 @@ impl Targets {
     /// Returns the pipeline file, if one is named.
     pub(super) fn file(&self) -> Option<PathBuf> {
         if self.run.is_some() { None } else { self.names.first().map(PathBuf::from) }
+    }
+
+    /// Returns the store here: that of the pipeline, or the nearest.
+    pub(super) fn store(&self, place: &StorePlace) -> PathBuf {
+        self.file().map_or_else(|| place.root(), |file| place.root_for(&file))
     }
 
     /// Returns the nodes that are named; all if there are none.
@@ -87,7 +96,7 @@ pub(super) fn each(
     screen: &Screen,
     work: impl Fn(&Item) -> Result<Moved, RemoteError> + Sync,
 ) -> Result<Vec<Moved>, CliError> {
-    let bar = Mutex::new((WorkBar::new(what, screen.color() && !screen.json()), 0));
+    let bar = Mutex::new((WorkBar::new(what, screen.bars()), 0));
     let moved = remote.each(items, |item| {
         let moved = work(item);
         let mut bar = bar.lock().expect("nothing panics while it holds this lock");
@@ -108,7 +117,7 @@ pub(super) fn each(
         }
     }
     for news in remote.take_news() {
-        screen.remark(format!("warning: {news}"));
+        screen.warn(news);
     }
     trouble.map_or(Ok(all), |error| Err(error.into()))
 }

@@ -15,7 +15,9 @@ use super::request::{Known, PipelineArgs};
 use super::screen::Screen;
 use super::selection::{NAMES, SelectionArgs};
 use super::signals;
+use super::upward::StorePlace;
 use crate::pipeline::error::PipelineError;
+use crate::pipeline::execute::timestamp;
 use crate::pipeline::plan::Lookups;
 use crate::pipeline::spec::{Pipeline, check_sources};
 use crate::pipeline::stage::Register;
@@ -60,17 +62,19 @@ struct Look {
 }
 
 impl Args {
-    pub(super) fn run(&self, register: &Register, root: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
+    pub(super) fn run(&self, register: &Register, place: &StorePlace, screen: &Screen) -> Result<ExitCode, CliError> {
+        let file = self.pipeline.file()?;
+        let root = &*place.root_for(&file);
         let cancelled = Arc::new(AtomicBool::new(false));
         signals::listen(&cancelled);
         let stopped = || cancelled.load(Ordering::Relaxed);
-        let mut look = self.look(register, &Known::at(root)?)?;
+        let mut look = self.look(&file, register, &Known::at(root)?)?;
         loop {
             match &look.pipeline {
                 Ok(pipeline) => {
                     let store = Store::open_until(root, &cancelled)?;
                     let remote = self.how.remote(pipeline, &cancelled)?;
-                    let options = self.how.options((&self.selection).into(), remote.as_ref(), &cancelled);
+                    let options = self.how.options((&self.selection).into(), remote.as_ref(), &cancelled)?;
                     match self.how.run(pipeline, &store, (&options, remote.as_ref()), false, screen) {
                         Ok((code, _)) if stopped() => return Ok(code),
                         Ok(_) => {}
@@ -82,14 +86,14 @@ impl Args {
                 Err(error) => faulty(error, screen)?,
             }
             if screen.json() {
-                screen.object(&json!({ "event": "watching", "files": look.files.len() }))?;
+                screen.object(&json!({ "event": "watching", "files": look.files.len(), "time": timestamp() }))?;
                 screen.flush()?;
             } else {
                 let files =
                     if look.files.len() == 1 { "1 file".to_owned() } else { format!("{} files", look.files.len()) };
                 screen.remark(format!("watching {files}; Ctrl-C ends it"));
             }
-            let Some(next) = self.next(&look, (register, root), &stopped)? else { return Ok(ExitCode::SUCCESS) };
+            let Some(next) = self.next(&look, (&file, register, root), &stopped)? else { return Ok(ExitCode::SUCCESS) };
             tell(&changed(&look.files, &next.files), screen)?;
             look = next;
         }
@@ -99,7 +103,7 @@ impl Args {
     fn next(
         &self,
         now: &Look,
-        (register, root): (&Register, &Path),
+        (file, register, root): (&Path, &Register, &Path),
         stopped: &dyn Fn() -> bool,
     ) -> Result<Option<Look>, CliError> {
         // One for all looks: it knows of files that have not changed without reading them.
@@ -108,7 +112,7 @@ impl Args {
             if !pause(EVERY, stopped) {
                 return Ok(None);
             }
-            let mut next = self.look(register, &known)?;
+            let mut next = self.look(file, register, &known)?;
             if next.files == now.files {
                 continue;
             }
@@ -116,7 +120,7 @@ impl Args {
                 if !pause(SETTLED, stopped) {
                     return Ok(None);
                 }
-                let later = self.look(register, &known)?;
+                let later = self.look(file, register, &known)?;
                 let settled = later.files == next.files;
                 next = later;
                 if settled {
@@ -130,10 +134,10 @@ impl Args {
     }
 
     /// Looks at the pipeline file and at all files that its nodes read.
-    fn look(&self, register: &Register, known: &Known) -> Result<Look, CliError> {
+    fn look(&self, file: &Path, register: &Register, known: &Known) -> Result<Look, CliError> {
         let mut files = BTreeMap::new();
-        let text = read_bounded(&self.pipeline.file, LARGEST).ok();
-        files.insert(self.pipeline.file.clone(), text.map(|text| Digest::of(&text)));
+        let text = read_bounded(file, LARGEST).ok();
+        files.insert(file.to_owned(), text.map(|text| Digest::of(&text)));
         let pipeline = self.pipeline.load(register);
         if let Ok(pipeline) = &pipeline {
             for source in pipeline.nodes.iter().filter_map(|node| node.stage.sources().ok()).flatten() {
@@ -163,11 +167,13 @@ fn pause(time: Duration, stopped: &dyn Fn() -> bool) -> bool {
 /// Says what is wrong with the file, as `check` does.
 fn faulty(error: &CliError, screen: &Screen) -> Result<(), CliError> {
     if screen.json() {
-        screen.object(&json!({ "event": "faulty", "message": error.message(), "help": error.help() }))?;
+        screen.object(&json!({
+            "event": "faulty", "message": error.message(), "help": error.help(), "time": timestamp()
+        }))?;
     } else if let CliError::Pipeline(error @ PipelineError::Spec(_)) = error {
         screen.complain(&error.render(screen.color()));
     } else {
-        screen.error(&error.message(), error.help().as_deref());
+        screen.error(&error.message(), error.help().as_deref(), error.code());
     }
     Ok(())
 }
@@ -190,7 +196,7 @@ fn changed(
 fn tell(changed: &[(&'static str, PathBuf)], screen: &Screen) -> Result<(), CliError> {
     if screen.json() {
         let files: Vec<_> = changed.iter().map(|(what, path)| json!({ "file": path, "what": what })).collect();
-        return screen.object(&json!({ "event": "changed", "files": files }));
+        return screen.object(&json!({ "event": "changed", "files": files, "time": timestamp() }));
     }
     for (what, path) in changed.iter().take(SHOWN) {
         screen.remark(format!("{what}: {}", path.display()));

@@ -6,6 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::store::{Digest, NodeName, Outcome, Role, RunStatus};
 
+/// The version of what is printed as JSON. A version only ever gains fields; one that loses a field, or gives it another
+/// meaning, has the next number.
+pub const SCHEMA: u32 = 1;
+
 /// Something that happened in a run.
 ///
 /// As JSON, `event` names the variant: `{"event":"node","node":"labels/home_03","outcome":"ran",…}`.

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use super::line::Line;
 use super::plain::{one_line, plain, plain_but_colors, plain_json};
 use crate::pipeline::event::{Counts, Event, RunState};
 use crate::store::{Outcome, RunStatus};
@@ -37,6 +38,7 @@ const PAUSE: Duration = Duration::from_millis(50);
 pub struct Bars {
     style: BarStyle,
     state: RunState,
+    clock: Option<fn() -> String>,
     drawn: Option<Drawn>,
     /// What first went wrong on stdout.
     failure: Option<io::Error>,
@@ -61,7 +63,13 @@ impl Bars {
     /// Starts with nothing to show yet.
     #[must_use]
     pub fn new(style: BarStyle) -> Self {
-        Self { style, state: RunState::default(), drawn: None, failure: None }
+        Self { style, state: RunState::default(), clock: None, drawn: None, failure: None }
+    }
+
+    /// Prints with every event as JSON when it was told.
+    #[must_use]
+    pub fn with_clock(self, clock: fn() -> String) -> Self {
+        Self { clock: Some(clock), ..self }
     }
 
     /// Returns where the run stands.
@@ -97,7 +105,8 @@ impl Bars {
         if matches!(event, Event::Progress { .. } | Event::Exchange { .. }) {
             return;
         }
-        let line = serde_json::to_string(event).expect("an event is JSON");
+        let line = self.clock.map_or_else(|| Line::new(event), |clock| Line::now(event, clock));
+        let line = serde_json::to_string(&line).expect("an event is JSON");
         // The run goes on all the same.
         if let Err(error) = writeln!(io::stdout().lock(), "{}", plain_json(&line))
             && error.kind() != io::ErrorKind::BrokenPipe

@@ -30,6 +30,7 @@ pub mod compare;
 mod figures;
 #[cfg(feature = "pages")]
 pub mod html;
+pub mod line;
 pub mod lineage;
 pub mod picture;
 pub mod plain;

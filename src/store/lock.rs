@@ -37,6 +37,10 @@ pub(super) fn uninterrupted(mut wait: impl FnMut() -> io::Result<()>) -> io::Res
 
 /// Waits for a lock until it is there or the waiting is to end.
 pub(super) fn wait(stop: &AtomicBool, attempt: impl Fn() -> Result<(), TryLockError>) -> io::Result<()> {
+    if got(attempt())? {
+        return Ok(());
+    }
+    let _span = tracing::info_span!("lock wait").entered();
     let mut pause = SOON;
     loop {
         if got(attempt())? {

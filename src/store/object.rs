@@ -31,6 +31,7 @@ impl Store {
     /// If the store cannot be written; nothing is left behind then.
     pub fn put(&self, name: &str, bytes: &[u8]) -> Result<FileRef, StoreError> {
         let digest = Digest::of(bytes);
+        let _span = tracing::debug_span!("write", object = %digest, bytes = bytes.len()).entered();
         let session = self.session()?;
         session.pin_object(&digest, &self.gate).map_err(failed(&self.root, "write", &self.root))?;
         let file = FileRef { name: name.to_owned(), digest, bytes: bytes.len() as u64 };
@@ -73,6 +74,7 @@ impl Store {
     /// # Errors
     /// If it is missing or cannot be read. If it is damaged it is set aside; the error names the nodes that it belongs to.
     pub fn read(&self, digest: &Digest) -> Result<Vec<u8>, StoreError> {
+        let _span = tracing::debug_span!("read", object = %digest).entered();
         let path = self.path_of(digest);
         let read = || {
             open_regular(&path).and_then(|mut file| {
@@ -95,6 +97,7 @@ impl Store {
     /// # Errors
     /// As [`Store::read`].
     pub fn open_object(&self, digest: &Digest) -> Result<File, StoreError> {
+        let _span = tracing::debug_span!("check", object = %digest).entered();
         let path = self.path_of(digest);
         for _ in 0..ATTEMPTS {
             let opened = open_regular(&path).and_then(|mut file| {
@@ -198,6 +201,7 @@ impl ObjectWriter<'_> {
     /// If the store cannot be written.
     pub fn finish(self, name: &str) -> Result<FileRef, StoreError> {
         let (store, digest) = (self.store, self.digest());
+        let _span = tracing::debug_span!("write", object = %digest, bytes = self.bytes).entered();
         let pinned = store.session()?.pin_object(&digest, &store.gate);
         pinned.map_err(failed(&store.root, "write", &store.root))?;
         let file = FileRef { name: name.to_owned(), digest, bytes: self.bytes };

@@ -272,7 +272,10 @@ impl Store {
             session.pin_recipe(key, &self.gate).map_err(failed(&self.root, "write", &self.root))?;
         }
         match self.read_record(key) {
-            Ok(record) => Ok(Some(record)),
+            Ok(record) => {
+                tracing::debug!(%key, "recalled");
+                Ok(Some(record))
+            }
             Err(Unread::Absent | Unread::Newer { .. }) => Ok(None),
             Err(Unread::Failed(error)) => Err(failed(&self.root, "read", &self.recipe_path(key))(error)),
             Err(Unread::Damaged(_)) => {
@@ -293,6 +296,7 @@ impl Store {
         if before.as_ref() == Some(&record.artifact) {
             return Ok(Remembered::Same);
         }
+        tracing::debug!(%key, artifact = %record.artifact.digest, "remembered");
         let path = self.recipe_path(key);
         self.make_way(&path)?;
         self.write_record(&path, &record.to_text())?;

@@ -220,12 +220,3 @@ fn annotate_needs_no_model() {
     let corners = mean("row BETWEEN 62 AND 68 AND (col < 8 OR col > 111)");
     assert!(door > 0.75 && middle > 0.6 && corners < 0.3, "{door} {middle} {corners}");
 }
-
-#[test]
-fn completions_know_the_commands() {
-    let place = Place::empty();
-    for shell in ["bash", "zsh", "fish"] {
-        let text = place.out(&["completions", shell]);
-        assert!(text.contains("trodden") && text.contains("annotate") && text.contains("keep-going"), "{shell}");
-    }
-}

@@ -217,5 +217,5 @@ fn write(path: Option<&Path>, name: &str, extension: &str, bytes: &[u8], screen:
     let path =
         path.map_or_else(|| PathBuf::from(format!("{}-diff.{extension}", name.replace('/', "-"))), Path::to_owned);
     write_whole(&path, bytes).map_err(|source| CliError::File { action: "write", path: path.clone(), source })?;
-    screen.line(path.display().to_string())
+    screen.wrote(&path, bytes.len())
 }

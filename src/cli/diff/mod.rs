@@ -7,6 +7,9 @@ mod sides;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use clap_complete::engine::ArgValueCompleter;
+
+use super::complete;
 use super::error::CliError;
 use super::pages;
 use super::screen::Screen;
@@ -31,10 +34,13 @@ Examples:
 )]
 pub struct Args {
     /// What was before: a run (its id, the beginning of it, a tag, or `latest`), a node, `RUN:NODE`, or a file.
+    #[arg(add = ArgValueCompleter::new(complete::runs_or_nodes))]
     before: String,
     /// What is after; the newest run where it is left out.
+    #[arg(add = ArgValueCompleter::new(complete::runs_or_nodes))]
     after: Option<String>,
     /// The node to compare in two runs.
+    #[arg(add = ArgValueCompleter::new(complete::nodes))]
     node: Option<String>,
     /// Write a picture (PNG) of what differs to this file, or to one named after the node.
     #[arg(long, value_name = "FILE")]

@@ -73,7 +73,7 @@ fn model(checkpoint: &Path, out: &Path, screen: &Screen) -> Result<(), CliError>
             return Err(CliError::advised(what, "choose another folder with `--out`"));
         }
         write_whole(&path, &bytes).map_err(|source| failed(&path, source))?;
-        screen.line(path.display().to_string())?;
+        screen.wrote(&path, bytes.len())?;
     }
     Ok(())
 }

@@ -2,8 +2,10 @@
 
 use std::path::Path;
 
+use clap_complete::engine::ArgValueCompleter;
 use serde_json::Value;
 
+use crate::cli::complete;
 use crate::cli::error::CliError;
 use crate::cli::of_run::{OfRun, check_here, made};
 use crate::cli::out_folder::OutFolder;
@@ -33,6 +35,7 @@ Examples:
 )]
 pub(super) struct Args {
     /// The node, such as `heat/home_1000`.
+    #[arg(add = ArgValueCompleter::new(complete::nodes))]
     node: String,
     #[command(flatten)]
     out: OutFolder,

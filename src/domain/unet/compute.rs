@@ -31,6 +31,9 @@ pub enum DeviceName {
 }
 
 impl DeviceName {
+    /// Every device, also those that this build does not have.
+    pub const ALL: [Self; 4] = [Self::Flex, Self::Ndarray, Self::Wgpu, Self::Cuda];
+
     /// Returns the name that settings and recipes have for it.
     #[must_use]
     pub const fn name(self) -> &'static str {

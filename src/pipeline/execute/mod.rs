@@ -43,6 +43,7 @@ pub fn execute(
     sink: &mut dyn FnMut(&Event),
 ) -> Result<RunReport, PipelineError> {
     let begun = clock::Begun::now();
+    let _span = tracing::info_span!("run", id = %begun.id, pipeline = %pipeline.name).entered();
     let graph = Graph::new(pipeline)?;
     let scope = options.selection.scope(&graph)?;
     let ledger = Ledger::new(&graph, store, scope, (false, options.remote.is_some()))?;

@@ -303,6 +303,7 @@ impl<'a> Scheduler<'a> {
         let since = self.waiting.entry(task).or_insert_with(|| Some(Instant::now()));
         if since.is_some_and(|since| since.elapsed() >= TOLD_AFTER) && !self.is_made_here(task) {
             self.waiting.insert(task, None);
+            tracing::info!(node = %self.ledger.graph.tasks[task].name, "another process makes it");
             (self.sink)(&Event::Waiting { node: self.ledger.graph.tasks[task].name.clone() });
         }
     }

@@ -143,7 +143,8 @@ impl<'a> Assignment<'a> {
     /// Does the work and sends what came of it.
     pub(super) fn work(self, sender: &Sender<Message>) {
         let (task, begun) = (self.task, Instant::now());
-        let result = self.make(sender);
+        let result = tracing::info_span!("node", node = %self.name, stage = %self.recipe.stage, key = %self.key)
+            .in_scope(|| self.make(sender));
         // Whoever waits for the key may look again before the run has taken note.
         drop(self);
         // Nobody listens only if the run has died.

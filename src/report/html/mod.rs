@@ -7,6 +7,7 @@
 mod by_map;
 mod cache;
 mod compared;
+mod document;
 mod figure;
 mod lead;
 mod lineage;

@@ -1,7 +1,8 @@
 //! The page: head, style, what failed, results, pipeline, source.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 
+use super::document::document;
 use super::lineage::Lineage;
 use super::nodes;
 use crate::pipeline::event::Counts;
@@ -11,7 +12,6 @@ use crate::report::bars::tally;
 use crate::report::viewer;
 use crate::store::{Outcome, Run, RunStatus};
 
-pub(super) const STYLE: &str = include_str!("style.css");
 /// The most failures that are told at the top.
 const MOST_FAILURES: usize = 20;
 
@@ -19,39 +19,26 @@ const MOST_FAILURES: usize = 20;
 #[must_use]
 pub fn page(lineage: &Lineage<'_>, lead: &Markup, results: &str) -> String {
     let run = lineage.run;
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                title { (run.pipeline) " · " (run.id) " · trodden" }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                (head(run))
-                main {
-                    (troubles(run))
-                    (lead)
-                    (PreEscaped(results))
-                    (nodes::section(lineage))
-                    section id="source" {
-                        h2 { "Pipeline file" }
-                        p.muted {
-                            code { (run.file) } ", below the settings of the command line; variables of the environment, such as "
-                            code { "${HOME}" } ", stand as they are written"
-                        }
-                        pre { code { (run.source) } }
-                    }
+    let content = html! {
+        (head(run))
+        main {
+            (troubles(run))
+            (lead)
+            (PreEscaped(results))
+            (nodes::section(lineage))
+            section id="source" {
+                h2 { "Pipeline file" }
+                p.muted {
+                    code { (run.file) } ", below the settings of the command line; variables of the environment, such as "
+                    code { "${HOME}" } ", stand as they are written"
                 }
-                // Where there is nothing to look at there is nothing to look with.
-                @if results.contains("class=\"trodden-view\"") { (viewer::assets()) }
-                footer { "Written by trodden " (run.version) ". This page needs nothing but itself." }
+                pre { code { (run.source) } }
             }
         }
-    }
-    .into_string()
+        // Where there is nothing to look at there is nothing to look with.
+        @if results.contains("class=\"trodden-view\"") { (viewer::assets()) }
+    };
+    document(&format!("{} · {}", run.pipeline, run.id), &run.version, &content)
 }
 
 fn head(run: &Run) -> Markup {

@@ -1,10 +1,10 @@
 //! A page of a study: the table, parallel coordinates, a front of two figures, and pictures side by side.
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, PreEscaped, html};
 use rayon::prelude::*;
 
+use super::document::document;
 use super::figure::figure;
-use super::page::STYLE;
 use crate::report::axis::{Axis, Tick};
 use crate::report::charts::{Anchor, Svg, short};
 use crate::report::colors;
@@ -24,52 +24,39 @@ const PICTURED: [&str; 6] = ["Heat", "Labels", "VisitCounts", "Trajectories", "N
 /// Returns the page of a study of these runs, its rows in the order of the table.
 #[must_use]
 pub fn study(store: &Store, runs: &[Run], table: &StudyTable, front: Option<Front>, title: &str) -> String {
-    html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta name="color-scheme" content="light dark";
-                title { (title) " · study · trodden" }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                header {
-                    p.kicker { "trodden · runs and variants side by side" }
-                    h1 { (title) }
-                    dl {
-                        div { dt { "rows" } dd { (table.rows.len()) } }
-                        div { dt { "runs" } dd { @for run in runs.iter().take(4) { code { (run.id) } " " } @if runs.len() > 4 { "…" } } }
-                    }
-                }
-                main {
-                    section id="table" { h2 { "Table" } (rows(table)) }
-                    @if table.rows.len() > 1 && !(table.settings.is_empty() && table.study.metrics.is_empty()) {
-                        section id="coordinates" {
-                            h2 { "Parallel coordinates" }
-                            figure.wide {
-                                div.scroll { (PreEscaped(coordinates(table))) }
-                                figcaption { "A line a row; the color is that of the first figure, from the least, which is dark, to the most." }
-                            }
-                        }
-                    }
-                    @if let Some(front) = front {
-                        section id="front" {
-                            h2 { "Front" }
-                            figure {
-                                (PreEscaped(scatter(table, front)))
-                                figcaption { "The filled discs are those that no other row is better than in both figures." }
-                            }
-                        }
-                    }
-                    (pictures(store, runs, table))
-                }
-                footer { "Written by trodden " (env!("CARGO_PKG_VERSION")) ". This page needs nothing but itself." }
+    let content = html! {
+        header {
+            p.kicker { "trodden · runs and variants side by side" }
+            h1 { (title) }
+            dl {
+                div { dt { "rows" } dd { (table.rows.len()) } }
+                div { dt { "runs" } dd { @for run in runs.iter().take(4) { code { (run.id) } " " } @if runs.len() > 4 { "…" } } }
             }
         }
-    }
-    .into_string()
+        main {
+            section id="table" { h2 { "Table" } (rows(table)) }
+            @if table.rows.len() > 1 && !(table.settings.is_empty() && table.study.metrics.is_empty()) {
+                section id="coordinates" {
+                    h2 { "Parallel coordinates" }
+                    figure.wide {
+                        div.scroll { (PreEscaped(coordinates(table))) }
+                        figcaption { "A line a row; the color is that of the first figure, from the least, which is dark, to the most." }
+                    }
+                }
+            }
+            @if let Some(front) = front {
+                section id="front" {
+                    h2 { "Front" }
+                    figure {
+                        (PreEscaped(scatter(table, front)))
+                        figcaption { "The filled discs are those that no other row is better than in both figures." }
+                    }
+                }
+            }
+            (pictures(store, runs, table))
+        }
+    };
+    document(&format!("{title} · study"), env!("CARGO_PKG_VERSION"), &content)
 }
 
 fn rows(table: &StudyTable) -> Markup {

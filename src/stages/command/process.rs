@@ -37,6 +37,7 @@ pub(super) fn run(
     timeout: Option<Duration>,
     cancelled: &dyn Fn() -> bool,
 ) -> io::Result<Ended> {
+    let _span = tracing::info_span!("command", program = ?command.get_program()).entered();
     let parent = std::process::id();
     command.stdin(Stdio::null()).stdout(log.try_clone()?).stderr(log).process_group(0);
     // SAFETY: between fork and exec only calls are made that are safe in a signal handler.
