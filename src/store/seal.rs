@@ -83,9 +83,19 @@ fn is_whole(text: &[u8]) -> Option<bool> {
     Some(Digest::of(body).to_hex().as_bytes() == checksum)
 }
 
+/// Returns the format of a record that says it first, as all do which this version writes, without reading the rest.
+fn leading_format(text: &[u8]) -> Option<u32> {
+    let number = text.strip_prefix(b"{\n  \"format\": ")?;
+    let digits = number.iter().position(|byte| !byte.is_ascii_digit()).filter(|end| number[*end] == b',')?;
+    str::from_utf8(&number[..digits]).ok()?.parse().ok()
+}
+
 /// Reads the text of a record; returns its format, too.
 pub(super) fn unseal<T: DeserializeOwned>(text: &[u8]) -> Result<(T, u32), Unread> {
-    let head: Head = serde_json::from_slice(text).map_err(Unread::Damaged)?;
+    let head = match leading_format(text) {
+        Some(format) => Head { format },
+        None => serde_json::from_slice(text).map_err(Unread::Damaged)?,
+    };
     let record = || serde_json::from_slice(text).map(|record| (record, head.format));
     let damaged = |message| Err(Unread::Damaged(serde_json::Error::custom(message)));
     match is_whole(text) {
