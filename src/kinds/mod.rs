@@ -49,6 +49,8 @@ pub trait Kind: Sized {
     const FORMAT: u32;
     /// Ending of a single file; the files of a bundle carry their own in their names.
     const EXTENSION: &'static str;
+    /// Whether artifacts are so large that they stay where they were made, unless something elsewhere reads them.
+    const BULKY: bool = false;
 
     /// Puts the value into the store.
     ///

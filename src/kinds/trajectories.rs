@@ -25,6 +25,7 @@ impl Kind for Placed<Tracks> {
     const NAME: &'static str = KIND;
     const FORMAT: u32 = FORMAT;
     const EXTENSION: &'static str = "parquet";
+    const BULKY: bool = true;
 
     fn write(&self, store: &Store) -> Result<Written, KindError> {
         let mut writer = TrackWriter::new(store.create()?, self.frame, self.value.frame_rate, self.value.radius)?;

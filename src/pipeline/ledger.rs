@@ -144,6 +144,8 @@ pub(crate) struct Ledger<'a> {
     pub(super) required: Vec<bool>,
     /// Whether a task is made again although it is on record.
     pub(super) forced: Vec<bool>,
+    /// What others have made, which is only brought here.
+    given: BTreeMap<usize, (Key, Artifact)>,
     pub(super) needed_by: Vec<Option<usize>>,
     /// For a waiting task, how many of those that it reads are not known.
     pending: Vec<usize>,
@@ -178,22 +180,41 @@ impl<'a> Ledger<'a> {
             sources: Vec::new(),
             required: scope.targets,
             forced: scope.forced,
+            given: BTreeMap::new(),
             needed_by: vec![None; count],
             pending: graph.tasks.iter().map(|task| task.reads.len()).collect(),
             settling: Vec::new(),
             troubles: Vec::new(),
         };
-        ledger.sources = ledger.find_sources()?;
+        ledger.sources = ledger.find_sources(&if scope.alone { nodes_of(graph, &scope.tasks) } else { Vec::new() })?;
         // Popped from the end: the first tasks come first.
         ledger.settling = (0..count).rev().filter(|task| scope.tasks[*task] && ledger.pending[*task] == 0).collect();
         Ok(ledger)
     }
 
-    /// Digests the source files of all nodes; nodes that share a stage share the answer.
-    fn find_sources(&self) -> Result<Vec<Arc<Sources>>, PipelineError> {
+    /// Takes a task for one that somebody else has made, whatever it is made from.
+    pub(crate) fn give(&mut self, task: usize, key: Key, artifact: Artifact) {
+        self.artifacts[task] = Some(artifact.clone());
+        self.given.insert(task, (key, artifact));
+        self.pending[task] = 0;
+        self.settling.push(task);
+    }
+
+    /// Tells whether somebody else has made a task.
+    pub(crate) fn is_given(&self, task: usize) -> bool {
+        self.given.contains_key(&task)
+    }
+
+    /// Digests the source files of some nodes, of all if none are told apart; nodes that share a stage share the answer.
+    fn find_sources(&self, wanted: &[bool]) -> Result<Vec<Arc<Sources>>, PipelineError> {
         let mut known: BTreeMap<*const (), Arc<Sources>> = BTreeMap::new();
         let mut all = Vec::with_capacity(self.graph.pipeline.nodes.len());
-        for node in &self.graph.pipeline.nodes {
+        let nothing = Arc::new(Sources::new());
+        for (position, node) in self.graph.pipeline.nodes.iter().enumerate() {
+            if wanted.get(position) == Some(&false) {
+                all.push(Arc::clone(&nothing));
+                continue;
+            }
             let address = Arc::as_ptr(&node.stage).cast::<()>();
             if let Some(sources) = known.get(&address) {
                 all.push(Arc::clone(sources));
@@ -231,6 +252,20 @@ impl<'a> Ledger<'a> {
 
     /// Makes the recipe of a task and looks it up.
     fn settle(&mut self, task: usize) -> Result<(), StoreError> {
+        if let Some((key, artifact)) = self.given.get(&task) {
+            let (key, complete) = (*key, self.lookups.complete(artifact));
+            self.keys[task] = Some(key);
+            self.status[task] = match self.needed_by[task] {
+                _ if complete => Status::Hit,
+                Some(by) if self.may_ask(task, key) => Status::Asking(Reason::Needed { by }),
+                Some(by) => Status::Todo(Reason::Needed { by }),
+                None => Status::Absent,
+            };
+            if self.is_known(task) {
+                self.announce(task);
+            }
+            return Ok(());
+        }
         let recipe = self.recipe(task);
         let key = recipe.key();
         let record = self.lookups.recall(&key)?;
@@ -283,7 +318,6 @@ impl<'a> Ledger<'a> {
             self.demanding.push(task);
             return;
         }
-        let graph = self.graph;
         let mut demanding = vec![task];
         while let Some(task) = demanding.pop() {
             for read in self.opened(task).iter().copied() {
@@ -302,7 +336,7 @@ impl<'a> Ledger<'a> {
             if self.foresee {
                 continue;
             }
-            let unknown = graph.tasks[task].reads.iter().filter(|read| !self.is_known(**read)).count();
+            let unknown = self.unknown(task);
             if unknown > 0 {
                 self.status[task] = Status::Waiting;
                 self.pending[task] = unknown;
@@ -323,7 +357,7 @@ impl<'a> Ledger<'a> {
     fn look_again(&mut self, task: usize) {
         let graph = self.graph;
         self.status[task] = Status::Waiting;
-        self.pending[task] = graph.tasks[task].reads.iter().filter(|read| !self.is_known(**read)).count();
+        self.pending[task] = if self.is_given(task) { 0 } else { self.unknown(task) };
         if self.pending[task] == 0 {
             self.settling.push(task);
         }
@@ -332,6 +366,11 @@ impl<'a> Ledger<'a> {
                 self.pending[*dependent] += 1;
             }
         }
+    }
+
+    /// Counts those of the tasks that a task reads whose digests are not known.
+    fn unknown(&self, task: usize) -> usize {
+        self.graph.tasks[task].reads.iter().filter(|read| !self.is_known(**read)).count()
     }
 
     /// Tells those that wait for a task that its digest is known.
@@ -405,4 +444,13 @@ impl<'a> Ledger<'a> {
             self.artifacts[task] = None;
         }
     }
+}
+
+/// Returns which nodes have tasks among some.
+fn nodes_of(graph: &Graph, tasks: &[bool]) -> Vec<bool> {
+    let mut nodes = vec![false; graph.pipeline.nodes.len()];
+    for (task, is_wanted) in graph.tasks.iter().zip(tasks) {
+        nodes[task.node] |= is_wanted;
+    }
+    nodes
 }

@@ -10,6 +10,7 @@
 //! environments                what was made already, only elsewhere
 //! plan, execute               the ledger before a run, and while one goes on
 //! forecast plan  → seconds    from what is on record of earlier work
+//! share    tasks → run       some of them here, while others do the rest
 //! event    run   → stream     folded once into a state, which bars, JSON and reports read
 //! why      plan or run and the run before → differences
 //! ```
@@ -27,6 +28,7 @@ pub mod plan;
 mod recipes;
 pub mod schema;
 pub mod selection;
+pub mod share;
 pub mod spec;
 pub mod stage;
 pub mod why;

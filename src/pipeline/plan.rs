@@ -103,7 +103,8 @@ pub fn plan_with(
     selection: &Selection,
 ) -> Result<Plan, PipelineError> {
     let graph = Graph::new(pipeline)?;
-    let mut ledger = Ledger::new(&graph, lookups, selection.scope(&graph)?, (true, remote.is_some()))?;
+    let mut ledger =
+        Ledger::new(&graph, lookups, selection.scope_with(&graph, remote.is_some())?, (true, remote.is_some()))?;
     loop {
         let mut asking = ledger.advance();
         asking.retain(|task| matches!(ledger.status[*task], Status::Asking(_)));

@@ -36,14 +36,24 @@ pub(crate) struct Scope {
     pub targets: Vec<bool>,
     /// Whether a task is made again although it is on record.
     pub forced: Vec<bool>,
+    /// Whether nothing else is looked at.
+    pub alone: bool,
 }
 
 impl Scope {
+    /// Wants of what is so large that it stays where it was made no more than that it is on record.
+    pub(crate) fn without_bulky(mut self, graph: &Graph) -> Self {
+        for (task, target) in self.targets.iter_mut().enumerate() {
+            *target &= !graph.node(task).spec.output.bulky;
+        }
+        self
+    }
+
     /// Asks for some tasks again, and for what they need.
     pub(crate) fn again(graph: &Graph, tasks: &[usize]) -> Self {
         let mut forced = vec![false; graph.tasks.len()];
         tasks.iter().for_each(|task| forced[*task] = true);
-        Self { tasks: needed(graph, &forced), targets: forced.clone(), forced }
+        Self { tasks: needed(graph, &forced), targets: forced.clone(), forced, alone: false }
     }
 }
 
@@ -57,6 +67,16 @@ impl Selection {
     #[must_use]
     pub fn is_whole(&self) -> bool {
         self.only.is_empty() && self.until.is_empty() && self.exclude.is_empty()
+    }
+
+    /// Finds the tasks that it means, where there is a store elsewhere or none: with one, what is very large comes from there
+    /// only if it is named or something that runs reads it.
+    ///
+    /// # Errors
+    /// As [`Selection::scope`].
+    pub(crate) fn scope_with(&self, graph: &Graph, remote: bool) -> Result<Scope, PipelineError> {
+        let scope = self.scope(graph)?;
+        Ok(if remote && self.only.is_empty() { scope.without_bulky(graph) } else { scope })
     }
 
     /// Finds the tasks that it means.
@@ -85,7 +105,7 @@ impl Selection {
             return Err(PipelineError::NothingLeft);
         }
         targets.iter_mut().zip(&tasks).for_each(|(target, asked)| *target &= asked);
-        Ok(Scope { forced: self.forced(graph, &tasks)?, tasks, targets })
+        Ok(Scope { forced: self.forced(graph, &tasks)?, tasks, targets, alone: false })
     }
 
     /// Finds what is made again. The end of a chain does no work: it follows the last step.

@@ -71,7 +71,7 @@ pub(super) fn to_json(parameters: &impl Serialize) -> Value {
 
 /// A kind as the pipeline sees it.
 pub(super) const fn kind<K: Kind>() -> KindSpec {
-    KindSpec::new(K::NAME, K::FORMAT, K::EXTENSION)
+    KindSpec::new(K::NAME, K::FORMAT, K::EXTENSION).bulky(K::BULKY)
 }
 
 /// What a part asks for that holds so many bytes of its own, beside what every part does.

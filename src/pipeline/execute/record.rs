@@ -95,6 +95,16 @@ pub(super) fn close(mut scheduler: Scheduler) -> Result<RunReport, PipelineError
     Ok(RunReport { run, failures: scheduler.failures, counts, shared, advice })
 }
 
+/// Reports what came of some tasks, and records nothing.
+pub(super) fn leave(mut scheduler: Scheduler, tasks: &[usize]) -> RunReport {
+    let status = scheduler.status();
+    let nodes = tasks.iter().map(|task| scheduler.node(*task)).collect();
+    let run = scheduler.recorder.now(status, nodes, std::mem::take(&mut scheduler.warnings));
+    let counts = scheduler.counts;
+    let shared = Some(Traffic { pulled: counts.pulled, ..scheduler.exchange.traffic });
+    RunReport { run, failures: scheduler.failures, counts, shared, advice: None }
+}
+
 fn advice(status: RunStatus, failures: &[Failure]) -> Option<String> {
     const AGAIN: &str = "the same command goes on from here: what is finished is kept";
     match status {

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use super::Options;
 use super::clock::Begun;
+use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, Variant};
 use crate::store::{Journal, Key, Run, RunNode, RunStatus, RunVariant, Store, StoreError};
 
@@ -16,6 +17,27 @@ const SHARE: u32 = 50;
 fn recorded(variant: &Variant, pipeline: &Pipeline) -> RunVariant {
     let ends = variant.ends.iter().map(|end| pipeline.nodes[*end].name.to_string()).collect();
     RunVariant { settings: variant.settings.clone(), ends }
+}
+
+/// Returns the record of a run that begins: all but what comes of it.
+pub(super) fn header(store: &Store, pipeline: &Pipeline, selection: &Selection, begun: Begun) -> Run {
+    Run {
+        id: begun.id,
+        pipeline: pipeline.name.clone(),
+        file: pipeline.file.display().to_string(),
+        path: store.path_from_here(&pipeline.file),
+        sets: pipeline.sets.clone(),
+        only: selection.only.clone(),
+        until: selection.until.clone(),
+        exclude: selection.exclude.clone(),
+        force: selection.force.clone(),
+        source: pipeline.source.clone(),
+        axes: pipeline.axes.clone(),
+        variants: pipeline.variants.iter().map(|variant| recorded(variant, pipeline)).collect(),
+        started: begun.started,
+        version: env!("CARGO_PKG_VERSION").to_owned(),
+        ..Run::default()
+    }
 }
 
 /// The record of the run that goes on.
@@ -33,24 +55,9 @@ pub(super) struct Recorder<'a> {
 
 impl<'a> Recorder<'a> {
     pub(super) fn new(store: &'a Store, pipeline: &Pipeline, options: &Options, begun: Begun) -> Self {
-        let run = Run {
-            id: begun.id,
-            pipeline: pipeline.name.clone(),
-            file: pipeline.file.display().to_string(),
-            path: store.path_from_here(&pipeline.file),
-            sets: pipeline.sets.clone(),
-            only: options.selection.only.clone(),
-            until: options.selection.until.clone(),
-            exclude: options.selection.exclude.clone(),
-            force: options.selection.force.clone(),
-            source: pipeline.source.clone(),
-            axes: pipeline.axes.clone(),
-            variants: pipeline.variants.iter().map(|variant| recorded(variant, pipeline)).collect(),
-            started: begun.started,
-            version: env!("CARGO_PKG_VERSION").to_owned(),
-            ..Run::default()
-        };
-        Self { store, run, began: begun.instant, journal: None, due: begun.instant, silent: false }
+        let began = begun.instant;
+        let run = header(store, pipeline, &options.selection, begun);
+        Self { store, run, began, journal: None, due: began, silent: false }
     }
 
     /// Makes one that puts nothing on record.
@@ -89,13 +96,18 @@ impl<'a> Recorder<'a> {
 
     /// Puts the run on record with what is done with already, unless it is.
     pub(super) fn begin(&mut self, tasks: usize, done: impl Iterator<Item = (usize, Key)>) -> Result<(), StoreError> {
-        if self.has_begun() {
+        if self.has_begun() || self.silent {
             return Ok(());
         }
         self.journal = Some(self.store.begin_run(&mut self.run, tasks)?);
         done.for_each(|(task, key)| self.note(task, &key));
         self.due = Instant::now() + EVERY;
         Ok(())
+    }
+
+    /// Tells whether the run is yet to be put on record.
+    pub(super) fn is_to_begin(&self) -> bool {
+        !self.silent && !self.has_begun()
     }
 
     pub(super) fn has_begun(&self) -> bool {

@@ -182,6 +182,11 @@ impl<'a> Scheduler<'a> {
 
     /// Lets a task that must run start as soon as there is room.
     pub(super) fn make_ready(&mut self, task: usize) {
+        if self.ledger.is_given(task) {
+            let message = "what it made is not in the shared store any more".to_owned();
+            let help = Some("run again: what is missing is made again".to_owned());
+            return self.fail(task, 0.0, Trouble::Failed { message, help, damaged: false });
+        }
         self.ready.insert(task);
     }
 
@@ -225,7 +230,7 @@ impl<'a> Scheduler<'a> {
             self.ready.remove(&task);
             match self.prepare(task) {
                 Ok(Some(assignment)) => {
-                    if !self.recorder.has_begun() && self.checked.is_none() {
+                    if self.recorder.is_to_begin() {
                         self.begin_record()?;
                         self.foresee(scope, sender);
                     }

@@ -37,12 +37,14 @@ use connect::Connector;
 use declare::{Declared, Declarer};
 use labels::Labels;
 use overrides::Setting;
+use pipeline::shown_setting;
 use sweep::Sweep;
 use tree::Tree;
 
 pub(crate) use pipeline::MOST_TASKS;
 pub use pipeline::{Connection, Group, Node, Pipeline, RemoteStore, Variant, Wire};
 pub use request::Request;
+pub use variables::named as named_variables;
 
 /// The largest pipeline file: far more than anybody writes, and no more than can be checked in a moment.
 const LARGEST: u64 = 16 << 20;
@@ -137,7 +139,7 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         first.get_or_insert((declared, connected.groups));
     }
     let (declared, groups) = first.expect("there is at least one variant");
-    let settings: String = request.sets.iter().map(|setting| format!("# --set {setting}\n")).collect();
+    let settings: String = request.sets.iter().map(|setting| shown_setting(setting)).collect();
     Ok(Pipeline {
         name: name_of(&declared, request)?,
         file: request.file.to_path_buf(),

@@ -35,6 +35,20 @@ pub struct Pipeline {
     pub variants: Vec<Variant>,
 }
 
+impl Pipeline {
+    /// Returns the text of the file, without the settings.
+    #[must_use]
+    pub fn text(&self) -> &str {
+        let settings: usize = self.sets.iter().map(|setting| shown_setting(setting).len()).sum();
+        &self.source[settings..]
+    }
+}
+
+/// Returns the comment in which a setting stands above the text.
+pub(super) fn shown_setting(setting: &str) -> String {
+    format!("# --set {setting}\n")
+}
+
 /// A store elsewhere, as a pipeline file names it; no key depends on it.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct RemoteStore {

@@ -1,7 +1,7 @@
 //! `${VAR}` and `${VAR:-default}` in strings; `$${` stands for `${` itself.
 
 use std::borrow::Cow;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::suggest;
 use crate::pipeline::error::{Problem, Span};
@@ -34,6 +34,16 @@ pub(super) fn fill<'a>(
     }
     filled.push_str(rest);
     Ok(Cow::Owned(filled))
+}
+
+/// Returns the names of all variables that a text asks for.
+pub fn named(text: &str) -> BTreeSet<String> {
+    let places = text.match_indices("${").filter(|(at, _)| !text[..*at].ends_with('$'));
+    let name = |(at, _): (usize, &str)| {
+        let inside = text[at + 2..].split('}').next()?;
+        Some(inside.split(":-").next()?.to_owned())
+    };
+    places.filter_map(name).collect()
 }
 
 /// Returns the value of what stands between the braces; like a shell, `:-` also covers a variable that is empty.

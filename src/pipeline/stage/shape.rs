@@ -11,13 +11,22 @@ pub struct KindSpec {
     pub format: u32,
     /// Ending of the file that people see, or of each part of a bundle; empty if the parts' names carry their own.
     pub extension: Cow<'static, str>,
+    /// Whether artifacts are so large that they stay where they were made, unless something elsewhere reads them.
+    pub bulky: bool,
 }
 
 impl KindSpec {
     /// Names a kind, its format and the ending of its files.
     #[must_use]
     pub const fn new(name: &'static str, format: u32, extension: &'static str) -> Self {
-        Self { name: Cow::Borrowed(name), format, extension: Cow::Borrowed(extension) }
+        Self { name: Cow::Borrowed(name), format, extension: Cow::Borrowed(extension), bulky: false }
+    }
+
+    /// Says whether artifacts are so large that they stay where they were made.
+    #[must_use]
+    pub const fn bulky(mut self, bulky: bool) -> Self {
+        self.bulky = bulky;
+        self
     }
 }
 
