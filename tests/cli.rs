@@ -27,7 +27,7 @@ use std::sync::OnceLock;
 use tempfile::TempDir;
 
 /// Two homes to learn from and one to predict, a few short walks, windows of 16 cells, one epoch.
-const PIPELINE: &str = "\
+pub const PIPELINE: &str = "\
 seed: 7
 crowd: &crowd { agents: [2, 4], radius: 0.2, duration: 8 }
 maps:
@@ -119,7 +119,7 @@ impl Place {
         command
     }
 
-    fn run(&self, words: &[&str]) -> Said {
+    pub fn run(&self, words: &[&str]) -> Said {
         Said::of(self.command(words).output().expect("starts"))
     }
 
@@ -128,6 +128,15 @@ impl Place {
         let said = self.run(words);
         assert_eq!(said.code, Some(0), "{words:?}: {}{}", said.out, said.err);
         said.out
+    }
+
+    /// Returns the digests of the newest run by node.
+    pub fn digests(&self) -> Vec<(String, String)> {
+        let text = self.out(&["ls", "--all", "--json"]);
+        let nodes = text.lines().map(|line| serde_json::from_str(line).expect("every line is JSON"));
+        nodes
+            .map(|node: serde_json::Value| (node["node"].to_string(), node["artifact"]["digest"].to_string()))
+            .collect()
     }
 
     /// Runs a command that is to fail in a way; returns stderr.
@@ -139,7 +148,7 @@ impl Place {
     }
 
     /// Runs a pipeline with `--json`; returns what it printed, line by line.
-    fn events(&self, code: i32, words: &[&str]) -> Vec<serde_json::Value> {
+    pub fn events(&self, code: i32, words: &[&str]) -> Vec<serde_json::Value> {
         let said = self.run(words);
         assert_eq!(said.code, Some(code), "{words:?}: {}{}", said.out, said.err);
         said.out.lines().map(|line| serde_json::from_str(line).expect("every line is JSON")).collect()

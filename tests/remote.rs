@@ -5,8 +5,8 @@
 mod faults;
 mod faulty;
 mod gc;
-mod proxy;
-mod s3;
+pub mod proxy;
+pub mod s3;
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -187,16 +187,16 @@ impl Remote {
     }
 
     /// Lists everything below a name.
-    fn list(&self, below: &Path) -> Result<Vec<ObjectMeta>, RemoteError> {
-        let mut listing = self.backend.list(Some(below));
-        let mut found = Vec::new();
-        loop {
-            match self.bridge.wait(limits::SMALL, async { listing.next().await.transpose() }) {
-                Ok(Some(file)) => found.push(file),
-                Ok(None) => return Ok(found),
-                Err(fault) => return Err(self.failed_to_read(fault)),
+    pub(super) fn list(&self, below: &Path) -> Result<Vec<ObjectMeta>, RemoteError> {
+        let list = || {
+            let mut listing = self.backend.list(Some(below));
+            let mut found = Vec::new();
+            while let Some(file) = self.bridge.ask(limits::SMALL, async { listing.next().await.transpose() })? {
+                found.push(file);
             }
-        }
+            Ok(found)
+        };
+        self.patience.with(list).map_err(|fault| self.failed_to_read(fault))
     }
 
     /// Removes files, many by one request where the place can do that.

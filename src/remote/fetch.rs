@@ -16,8 +16,9 @@ const MANIFEST_LIMIT: u64 = 256 << 20;
 /// What came of one object.
 enum One {
     Here(u64),
-    Absent,
     Damaged,
+    /// It could not be had.
+    Missed(Fault),
 }
 
 impl Remote {
@@ -53,13 +54,21 @@ impl Remote {
             if here.is_ok_and(|here| here.is_file() && size.is_none_or(|size| here.len() == size)) {
                 continue;
             }
-            match self.fetch_object(store, &digest, size)? {
-                One::Here(came) => bytes += came,
-                One::Absent => return Ok(Fetched::Absent),
-                One::Damaged => {
+            let fetched = self.patience.with(|| match self.fetch_object(store, &digest, size) {
+                Ok(One::Missed(fault)) => Err(fault),
+                other => Ok(other),
+            });
+            match fetched {
+                Ok(Ok(One::Here(came))) => bytes += came,
+                Ok(Ok(One::Damaged)) => {
                     self.damaged.lock().expect("nothing panics while it holds this lock").insert(digest);
                     return Ok(Fetched::Damaged { digest });
                 }
+                Ok(Ok(One::Missed(fault))) | Err(fault) => {
+                    self.health.failed_to_read(fault);
+                    return Ok(Fetched::Absent);
+                }
+                Ok(Err(error)) => return Err(error),
             }
         }
         Ok(Fetched::All { bytes })
@@ -70,7 +79,7 @@ impl Remote {
         let path = self.layout.object(digest);
         let found = match self.bridge.ask(limits::SMALL, self.backend.get_opts(&path, GetOptions::default())) {
             Ok(found) => found,
-            Err(fault) => return Ok(self.missed(fault)),
+            Err(fault) => return Ok(One::Missed(fault)),
         };
         let expected = found.meta.size;
         if size.map_or(expected > MANIFEST_LIMIT, |size| expected != size) {
@@ -90,7 +99,7 @@ impl Remote {
                     writer.write_all(&piece).map_err(|error| writing(store, error))?;
                 }
                 Ok(None) => break,
-                Err(fault) => return Ok(self.missed(fault)),
+                Err(fault) => return Ok(One::Missed(fault)),
             }
         }
         if writer.digest() != *digest {
@@ -99,11 +108,6 @@ impl Remote {
         writer.finish("")?;
         self.held.lock().expect("nothing panics while it holds this lock").insert(*digest, Instant::now());
         Ok(One::Here(came))
-    }
-
-    fn missed(&self, fault: Fault) -> One {
-        self.health.failed_to_read(fault);
-        One::Absent
     }
 }
 

@@ -8,7 +8,7 @@ use object_store::{GetOptions, PutMultipartOptions, PutOptions, PutPayload};
 
 use super::error::{Fault, RemoteError};
 use super::{Remote, limits};
-use crate::store::{Digest, Key, Record, Run, Store, StoreError};
+use crate::store::{Digest, FileRef, Key, Record, Run, Store, StoreError};
 
 /// From this size on it is asked whether an object is there before it is sent: the question costs as much as so many bytes.
 const ASKED_FROM: u64 = 256 << 10;
@@ -86,6 +86,15 @@ impl Remote {
         if run.keep { put(&self.layout.keep(&run.id), Vec::new()) } else { Ok(()) }
     }
 
+    /// Gives a file that is an object here, though nothing made it.
+    ///
+    /// # Errors
+    /// As [`Remote::give_result`].
+    pub fn give_file(&self, store: &Store, file: &FileRef) -> Result<(), RemoteError> {
+        self.check_writable()?;
+        self.give_object(store, &file.digest, file.bytes).map(drop)
+    }
+
     /// Gives an object unless it is there; returns how many bytes went over.
     fn give_object(&self, store: &Store, digest: &Digest, size: u64) -> Result<u64, RemoteError> {
         if self.is_held(digest, size) {
@@ -93,7 +102,13 @@ impl Remote {
         }
         let path = self.layout.object(digest);
         let sent = if size >= PARTED_FROM {
-            self.put_parts(&path, store, digest)?;
+            self.patience
+                .with(|| match self.put_parts(&path, store, digest) {
+                    Ok(()) => Ok(Ok(())),
+                    Err(Unsent::Fault(fault)) => Err(fault),
+                    Err(Unsent::Store(error)) => Ok(Err(error)),
+                })
+                .map_err(|fault| self.failed_to_write(fault))??;
             size
         } else {
             let bytes = store.read(digest)?;
@@ -133,13 +148,14 @@ impl Remote {
     /// Sends a small file whole.
     pub(super) fn put(&self, path: &Path, bytes: PutPayload) -> Result<(), Fault> {
         let limit = limits::upload(bytes.content_length() as u64);
-        self.bridge.ask(limit, self.backend.put_opts(path, bytes, PutOptions::default())).map(drop)
+        let put = || self.bridge.ask(limit, self.backend.put_opts(path, bytes.clone(), PutOptions::default()));
+        self.patience.with(put).map(drop)
     }
 
     /// Sends a large object in parts; nobody sees it before the last one is there.
-    fn put_parts(&self, path: &Path, store: &Store, digest: &Digest) -> Result<(), RemoteError> {
-        let mut file = store.open_object(digest)?;
-        let failed = |fault| self.failed_to_write(fault);
+    fn put_parts(&self, path: &Path, store: &Store, digest: &Digest) -> Result<(), Unsent> {
+        let mut file = store.open_object(digest).map_err(Unsent::Store)?;
+        let failed = Unsent::Fault;
         let begun = self.backend.put_multipart_opts(path, PutMultipartOptions::default());
         let mut upload = self.bridge.ask(limits::SMALL, begun).map_err(failed)?;
         let sent = loop {
@@ -148,7 +164,9 @@ impl Remote {
             let sent = match read {
                 Ok(0) => break self.bridge.ask(limits::SMALL, upload.complete()).map(drop).map_err(failed),
                 Ok(read) => self.bridge.ask(limits::upload(read as u64), upload.put_part(part.into())).map_err(failed),
-                Err(source) => Err(StoreError::Io { action: "read", path: store.path_of(digest), source }.into()),
+                Err(source) => {
+                    Err(Unsent::Store(StoreError::Io { action: "read", path: store.path_of(digest), source }))
+                }
             };
             if sent.is_err() {
                 break sent;
@@ -160,6 +178,12 @@ impl Remote {
         }
         sent
     }
+}
+
+/// Why a large object did not go over.
+enum Unsent {
+    Fault(Fault),
+    Store(StoreError),
 }
 
 /// Returns how long ago something was written, by the clock here; what comes from a future is as old as nothing.

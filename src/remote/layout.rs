@@ -4,6 +4,7 @@
 //! store.json            {"format":1,"shared":true}
 //! objects/ab/cdef…      files by the BLAKE3 of their content
 //! recipes/ab/cdef….json what was asked for and what came out, by key; written after its objects
+//! jobs/<id>/…           what those leave for each other who make a run together
 //! runs/<id>/run.json    runs that were given to it; beside it `keep` if it is to stay for ever
 //! ```
 
@@ -48,6 +49,15 @@ impl Layout {
 
     pub(super) fn run(&self, id: &str) -> Path {
         self.runs().join(id).join("run.json")
+    }
+
+    pub(super) fn jobs(&self) -> Path {
+        self.root.clone().join("jobs")
+    }
+
+    /// Returns the place of a note, whose name has slashes.
+    pub(super) fn note(&self, name: &str) -> Path {
+        name.split('/').fold(self.jobs(), |path, part| path.join(part))
     }
 
     pub(super) fn keep(&self, id: &str) -> Path {

@@ -25,6 +25,8 @@ mod give;
 mod health;
 mod layout;
 mod limits;
+mod notes;
+mod patience;
 mod runs;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -50,6 +52,7 @@ use bridge::Bridge;
 use error::Fault;
 use health::Health;
 use layout::Layout;
+use patience::Patience;
 
 /// The format of a shared store that this version reads and writes.
 const FORMAT: u64 = 1;
@@ -64,6 +67,7 @@ pub struct Remote {
     layout: Layout,
     bridge: Bridge,
     health: Health,
+    patience: Patience,
     header: Mutex<Option<Header>>,
     /// Objects that are there, and since when that is known.
     held: Mutex<BTreeMap<Digest, Instant>>,
@@ -117,10 +121,17 @@ impl Remote {
             layout: Layout::new(root),
             bridge: Bridge::new(stop),
             health: Health::new(address, read_only),
+            patience: Patience::none(stop),
             header: Mutex::new(None),
             held: Mutex::new(BTreeMap::new()),
             damaged: Mutex::new(BTreeSet::new()),
         }
+    }
+
+    /// Goes on asking one that does not answer, for so long, before it counts as away.
+    #[must_use]
+    pub fn with_patience(self, longest: std::time::Duration) -> Self {
+        Self { patience: self.patience.of(longest), ..self }
     }
 
     /// Returns the address, as it was given.
@@ -214,12 +225,13 @@ impl Remote {
 
     /// Reads a small file whole.
     fn read(&self, path: &Path) -> Result<Vec<u8>, Fault> {
-        let read = async {
+        let read = || async {
             let found = self.backend.get_opts(path, GetOptions::default()).await?;
             if found.meta.size > RECORD_LIMIT { Ok(None) } else { Ok(Some(found.bytes().await?)) }
         };
+        let read = self.patience.with(|| self.bridge.ask(limits::SMALL, read()))?;
         // What is far too large is no record, so that it need not be read.
-        Ok(self.bridge.ask(limits::SMALL, read)?.map_or_else(Vec::new, |bytes| bytes.to_vec()))
+        Ok(read.map_or_else(Vec::new, |bytes| bytes.to_vec()))
     }
 
     /// Notes that nothing could be read; returns why, as an error.

@@ -1,5 +1,7 @@
 //! Finds the runs that were given to a shared store.
 
+use object_store::path::Path;
+
 use super::error::{Fault, RemoteError};
 use super::{Header, Remote, limits};
 use crate::store::{Received, Run};
@@ -13,13 +15,17 @@ impl Remote {
         if self.header()? == Header::None {
             return Ok(Vec::new());
         }
-        let runs = self.layout.runs();
-        let listed = self.bridge.ask(limits::SMALL, self.backend.list_with_delimiter(Some(&runs)));
-        let listed = listed.map_err(|fault| self.failed_to_read(fault))?;
-        let mut ids: Vec<String> =
+        self.folders(&self.layout.runs())
+    }
+
+    /// Lists the folders that stand directly below one, in order.
+    pub(super) fn folders(&self, below: &Path) -> Result<Vec<String>, RemoteError> {
+        let list = || self.bridge.ask(limits::SMALL, self.backend.list_with_delimiter(Some(below)));
+        let listed = self.patience.with(list).map_err(|fault| self.failed_to_read(fault))?;
+        let mut names: Vec<String> =
             listed.common_prefixes.iter().filter_map(|path| Some(path.filename()?.to_owned())).collect();
-        ids.sort();
-        Ok(ids)
+        names.sort_unstable();
+        Ok(names)
     }
 
     /// Reads a run by its id, the beginning of it, or `latest`.

@@ -14,18 +14,18 @@ use crate::cli::{Place, Said, copy};
 use crate::needs::Need;
 use crate::python_artifacts::python;
 
-const REMOTE: &str = "s3://lab/shared/results";
+pub const REMOTE: &str = "s3://lab/shared/results";
 
 /// A server of its own with a bucket, and a way to it.
-struct Server {
+pub struct Server {
     child: Child,
     address: SocketAddr,
-    proxy: Proxy,
+    pub proxy: Proxy,
 }
 
 impl Server {
     /// Starts one; says that a test is skipped where that cannot be.
-    fn start() -> Option<Self> {
+    pub fn start() -> Option<Self> {
         let Some(python) = python() else {
             Need::S3.missing("there is no `.venv/bin/python`, and `TRODDEN_PYTHON` names none");
             return None;
@@ -71,13 +71,13 @@ impl Server {
     }
 
     /// Returns the names in the bucket that begin so.
-    fn names(&self, prefix: &str) -> Vec<String> {
+    pub fn names(&self, prefix: &str) -> Vec<String> {
         let text = self.ask("GET", &format!("/lab?list-type=2&prefix=shared/results/{prefix}")).expect("answers");
         text.split("<Key>").skip(1).filter_map(|rest| Some(rest.split_once("</Key>")?.0.to_owned())).collect()
     }
 
     /// Returns a command that speaks to it by the proxy.
-    fn command(&self, place: &Place, words: &[&str]) -> Command {
+    pub fn command(&self, place: &Place, words: &[&str]) -> Command {
         let mut command = place.command(words);
         for name in ["AWS_PROFILE", "AWS_SESSION_TOKEN", "AWS_ENDPOINT", "AWS_ENDPOINT_URL_S3", "AWS_REGION"] {
             command.env_remove(name);
@@ -122,13 +122,6 @@ fn warnings(events: &[Value]) -> Vec<String> {
     warnings.map(|event| event["message"].as_str().unwrap_or_default().to_owned()).collect()
 }
 
-/// Returns the digests of a place's newest run by node.
-fn digests(place: &Place) -> Vec<(String, String)> {
-    let text = place.out(&["ls", "--all", "--json"]);
-    let nodes = text.lines().map(|line| serde_json::from_str::<Value>(line).expect("every line is JSON"));
-    nodes.map(|node| (node["node"].to_string(), node["artifact"]["digest"].to_string())).collect()
-}
-
 fn check_clean(place: &Place) {
     let said = place.out(&["verify", "--json"]);
     assert!(said.contains("\"clean\":true"), "{said}");
@@ -161,7 +154,7 @@ fn two_machines_share_what_they_make() {
         (&0.into(), &nodes.into(), &nodes.into())
     );
     println!("the second run pulled {nodes} results by {} requests", server.proxy.requests());
-    assert_eq!((digests(&two), warnings(&events)), (digests(&one), Vec::new()));
+    assert_eq!((two.digests(), warnings(&events)), (one.digests(), Vec::new()));
     check_clean(&two);
     // Everything is here: nothing is asked.
     server.proxy.set(Way::Good);
@@ -171,7 +164,7 @@ fn two_machines_share_what_they_make() {
     let three = Place::empty();
     let told = server.out(&three, &["pull"]);
     assert!(told.starts_with(&format!("pulled {nodes} results, ")) && told.contains(", and the run "), "{told}");
-    assert_eq!(digests(&three), digests(&one));
+    assert_eq!(three.digests(), one.digests());
     assert!(three.out(&["show", "labels/home_00"]).contains("labels/home_00"));
     assert!(three.out(&["why", "labels"]).contains("labels"));
     three.out(&["report"]);
@@ -209,7 +202,7 @@ fn push_and_pull_move_what_they_are_asked_for() {
     let all: Value =
         serde_json::from_str(server.out(&two, &["pull", "--json"]).lines().last().expect("a line")).expect("is JSON");
     assert_eq!((&all["here"], &all["missing"]), (&4.into(), &0.into()));
-    assert_eq!(digests(&two), digests(&one));
+    assert_eq!(two.digests(), one.digests());
     let none = server.run(&two, &["pull", "--run", "nowhere"]);
     assert!(none.code == Some(2) && none.err.contains("has no run `nowhere`"), "{}", none.err);
 }
@@ -231,7 +224,7 @@ fn a_corrupted_object_is_told_and_made_here() {
     let told = warnings(&events);
     assert!(told.len() == 1 && told[0].contains("in the shared store is damaged; it is made here instead"), "{told:?}");
     assert!(events.iter().any(|event| event["event"] == "warning" && event["node"] == "labels/home_00"));
-    assert_eq!(digests(&two), digests(&one));
+    assert_eq!(two.digests(), one.digests());
     check_clean(&two);
     let mended = server.send("GET", &path, b"").expect("answers");
     assert!(mended.ends_with(&right[body..]), "the right object took the place of the wrong one");
@@ -256,7 +249,7 @@ fn a_server_that_dies_midway_leaves_nothing_half() {
     let pulled = second["shared"]["pulled"].as_u64();
     assert!(pulled.unwrap_or(0) >= pushed.unwrap_or(0), "{pulled:?} of {pushed:?}");
     assert_eq!(warnings(&events), Vec::<String>::new());
-    assert_eq!(digests(&two), digests(&one));
+    assert_eq!(two.digests(), one.digests());
     check_clean(&two);
     // What did not get there goes later; and a pull that is cut goes on the next time.
     server.out(&one, &["push"]);
@@ -267,7 +260,7 @@ fn a_server_that_dies_midway_leaves_nothing_half() {
     check_clean(&three);
     server.proxy.set(Way::Good);
     server.out(&three, &["pull"]);
-    assert_eq!(digests(&three), digests(&one));
+    assert_eq!(three.digests(), one.digests());
     check_clean(&three);
 }
 
@@ -281,7 +274,7 @@ fn a_bad_way_is_gone_all_the_same() {
         server.proxy.set(way);
         let (last, events) = server.pipeline(&two, &[]);
         assert_eq!((&last["status"], warnings(&events)), (&"finished".into(), Vec::new()), "{way:?}");
-        assert_eq!((&last["ran"], digests(&two)), (&0.into(), digests(&one)), "{way:?}");
+        assert_eq!((&last["ran"], two.digests()), (&0.into(), one.digests()), "{way:?}");
         check_clean(&two);
     }
 }
@@ -349,7 +342,7 @@ fn gc_frees_what_nobody_reaches_there() {
     assert!(left.len() < more.len());
     let two = Place::empty();
     let (last, _) = server.pipeline(&two, &["--set", "labels.classes=4"]);
-    assert_eq!((&last["ran"], digests(&two)), (&0.into(), digests(&one)));
+    assert_eq!((&last["ran"], two.digests()), (&0.into(), one.digests()));
 }
 
 #[test]
