@@ -27,6 +27,7 @@
 //! | [`kinds`] | encodes: one file per artifact kind, value to bytes and back | domain, store |
 //! | [`pipeline`] | decides: file, plan, execution, events | store |
 //! | [`stages`] | join: read artifacts, let the domain compute, write one artifact | domain, kinds, pipeline, store |
+//! | [`cluster`] | spreads: one run over many machines, by units of work in a store elsewhere | pipeline, remote, store |
 //! | [`report`] | shows: bars, terminal pictures, PNG, HTML | domain, kinds, store, `pipeline::event` |
 //! | [`cli`] | speaks: one file per command | all but python |
 //! | `python` | serves: the Python package's compiled half, with the feature `python` alone, and its Python files | all |
@@ -50,10 +51,11 @@
 //!
 //! # Deliberately absent
 //!
-//! No database, no daemon, no server of our own for what is shared, no scheduler beyond one machine. No provenance inside artifacts. No global state: the register
+//! No database, no daemon, no server of our own for what is shared, no scheduler of our own beyond one machine. No provenance inside artifacts. No global state: the register
 //! of stages, the store and the environment are handed in.
 
 pub mod cli;
+pub mod cluster;
 pub mod domain;
 pub mod kinds;
 pub mod pipeline;

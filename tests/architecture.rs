@@ -18,8 +18,9 @@ const TABLE: &[(&str, &[&str])] = &[
     ("pipeline", &["store"]),
     ("stages", &["domain", "kinds", "pipeline", "store"]),
     ("report", &["domain", "kinds", "store", "pipeline::event"]),
-    ("cli", &["domain", "kinds", "pipeline", "remote", "store", "stages", "report"]),
-    ("python", &["domain", "kinds", "pipeline", "remote", "store", "stages", "report", "cli"]),
+    ("cluster", &["pipeline", "remote", "store"]),
+    ("cli", &["cluster", "domain", "kinds", "pipeline", "remote", "store", "stages", "report"]),
+    ("python", &["cluster", "domain", "kinds", "pipeline", "remote", "store", "stages", "report", "cli"]),
 ];
 
 /// What the domain does without: files, clocks, the environment, printing.

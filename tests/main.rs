@@ -5,6 +5,8 @@ mod architecture;
 mod browser;
 #[cfg(all(feature = "pages", feature = "sql"))]
 mod cli;
+#[cfg(all(feature = "pages", feature = "sql"))]
+mod cluster;
 mod crowd;
 mod equations;
 mod fuzz;

@@ -37,10 +37,12 @@ pub enum Need {
     Gpu,
     /// A Python with `moto[server]`, which speaks S3.
     S3,
+    /// Slurm, and the right to make namespaces.
+    Slurm,
 }
 
 impl Need {
-    const ALL: [Self; 14] = [
+    const ALL: [Self; 15] = [
         Self::Oracle,
         Self::Maps,
         Self::Plans,
@@ -55,6 +57,7 @@ impl Need {
         Self::Avx512,
         Self::Gpu,
         Self::S3,
+        Self::Slurm,
     ];
 
     const fn name(self) -> &'static str {
@@ -73,6 +76,7 @@ impl Need {
             Self::Avx512 => "avx512",
             Self::Gpu => "gpu",
             Self::S3 => "s3",
+            Self::Slurm => "slurm",
         }
     }
 

@@ -4,6 +4,7 @@ use std::error::Error;
 use std::io::ErrorKind;
 use std::path::PathBuf;
 
+use crate::cluster::ClusterError;
 use crate::kinds::KindError;
 use crate::pipeline::error::PipelineError;
 use crate::pipeline::stage::StageError;
@@ -26,6 +27,8 @@ pub enum CliError {
     Report(#[from] ReportError),
     #[error(transparent)]
     Remote(#[from] RemoteError),
+    #[error(transparent)]
+    Cluster(ClusterError),
     /// The command cannot be carried out as it was given.
     #[error("{message}")]
     Request { message: String, help: Option<String> },
@@ -49,6 +52,17 @@ pub enum CliError {
     /// stdout is closed: whoever reads it has seen enough.
     #[error("stdout is closed")]
     Closed,
+}
+
+impl From<ClusterError> for CliError {
+    fn from(error: ClusterError) -> Self {
+        match error {
+            ClusterError::Pipeline(error) => error.into(),
+            ClusterError::Remote(error) => error.into(),
+            ClusterError::Store(error) => error.into(),
+            other => Self::Cluster(other),
+        }
+    }
 }
 
 impl CliError {
@@ -78,6 +92,7 @@ impl CliError {
             _ if matches!(store, Some(StoreError::Interrupted)) => 130,
             _ if store.is_some_and(StoreError::is_damage) => 3,
             Self::Output { .. } | Self::Unreported { .. } => 1,
+            Self::Cluster(ClusterError::Damaged { .. } | ClusterError::Slurm { .. }) => 1,
             Self::Remote(RemoteError::Away { .. } | RemoteError::Record { .. }) => 1,
             _ if self.is_trouble() => 1,
             _ => 2,
@@ -117,6 +132,7 @@ impl CliError {
             Self::Report(error) if self.store_error().is_none() => error.help(),
             Self::Unreported { help, .. } => help.clone(),
             Self::Remote(error) => error.help(),
+            Self::Cluster(error) => error.help(),
             Self::Output { .. } => Some("what was printed is not complete: make room, or print elsewhere".to_owned()),
             _ => self.store_error().and_then(StoreError::help),
         }

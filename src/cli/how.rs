@@ -42,7 +42,7 @@ pub struct HowArgs {
     shared: SharedArgs,
 }
 
-fn positive(text: &str) -> Result<f64, String> {
+pub(super) fn positive(text: &str) -> Result<f64, String> {
     match text.parse() {
         Ok(value) if value > 0.0 && f64::is_finite(value) => Ok(value),
         _ => Err("expected a number above 0".to_owned()),
@@ -50,6 +50,16 @@ fn positive(text: &str) -> Result<f64, String> {
 }
 
 impl HowArgs {
+    /// Opens the shared store that a run of a pipeline uses, which it cannot do without.
+    pub(super) fn need_remote(&self, pipeline: &Pipeline, stop: &Arc<AtomicBool>) -> Result<Remote, CliError> {
+        self.shared.need(pipeline, stop)
+    }
+
+    /// Returns the most memory in bytes that what runs at a time may ask for.
+    pub(super) fn most_memory(gib: Option<f64>) -> u64 {
+        gib.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64)
+    }
+
     /// Opens the shared store that a run of a pipeline uses, if it uses one.
     pub(super) fn remote(&self, pipeline: &Pipeline, stop: &Arc<AtomicBool>) -> Result<Option<Remote>, CliError> {
         self.shared.open(pipeline, stop)
@@ -67,7 +77,7 @@ impl HowArgs {
     ) -> Result<Options<'a>, CliError> {
         Ok(Options {
             jobs: jobs(self.jobs)?,
-            memory: self.memory.map_or_else(three_quarters, |gib| (gib * f64::from(1 << 30)) as u64),
+            memory: Self::most_memory(self.memory),
             keep_going: self.keep_going,
             selection,
             remote: remote.map(|remote| remote as &dyn Peer),
@@ -90,10 +100,23 @@ impl HowArgs {
             // The last line is for the end, when the report is written.
             if matches!(event, Event::Run { .. }) { last = Some(event.clone()) } else { bars.hear(event) }
         })?;
+        self.close(&report, (store, remote), (&mut bars, last), keep, screen)
+    }
+
+    /// Tells of a run that is over: marks it, gives its record to the shared store, writes its report, and returns the exit
+    /// code and the id of the run. The last event is told after all that.
+    pub(super) fn close(
+        &self,
+        report: &RunReport,
+        (store, remote): (&Store, Option<&Remote>),
+        (bars, last): (&mut Bars, Option<Event>),
+        keep: bool,
+        screen: &Screen,
+    ) -> Result<(ExitCode, String), CliError> {
         if keep {
             store.mark_keep(&report.run.id, true)?;
         }
-        let conclude = |remote| self.shared.conclude(remote, &report, keep, screen);
+        let conclude = |remote| self.shared.conclude(remote, report, keep, screen);
         let shared = remote.map_or(Ok(()), conclude);
         let page = pages::after_run(store, &report.run);
         let told = match last {
@@ -109,18 +132,19 @@ impl HowArgs {
         {
             screen.remark(format!("report: {}", path.display()));
         }
-        let code = finish(&report, screen);
+        let id = report.run.id.clone();
+        let code = finish(report, screen);
         // A run that failed has a code of its own.
         if code != ExitCode::SUCCESS {
             if let Err(error) = page {
                 screen.warn(format!("no report was written: {}", error.message()));
             }
-            return Ok((code, report.run.id));
+            return Ok((code, id));
         }
         shared?;
         bars.take_failure().map_or(told, |failure| Err(CliError::output(failure)))?;
         page.map_err(|error| CliError::Unreported { message: error.message(), help: error.help() })?;
-        Ok((code, report.run.id))
+        Ok((code, id))
     }
 }
 

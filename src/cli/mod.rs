@@ -49,6 +49,7 @@ mod shared;
 mod show;
 mod signals;
 mod simulate;
+mod spread;
 #[cfg(feature = "sql")]
 mod sql;
 mod status;
@@ -62,6 +63,7 @@ mod verify;
 mod version;
 mod watch;
 mod why;
+mod worker;
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -179,6 +181,8 @@ enum Command {
     Push(push::Args),
     /// Bring results here from a shared store.
     Pull(pull::Args),
+    /// Do work of a run that was submitted with `run --on`.
+    Worker(worker::Args),
     /// Read everything in the store and name what is damaged.
     Verify(verify::Args),
     /// Check a pipeline file without running it.
@@ -318,6 +322,7 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Gc(args) => args.run(store, screen),
         Command::Push(args) => args.run(register, &place, screen),
         Command::Pull(args) => args.run(register, &place, screen),
+        Command::Worker(args) => args.run(register, cli.store.as_deref(), screen),
         Command::Verify(args) => args.run(store, screen),
         Command::Check(args) => args.run(register, screen),
         Command::Schema(args) => args.run(register, screen),

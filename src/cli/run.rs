@@ -13,6 +13,7 @@ use super::request::PipelineArgs;
 use super::screen::Screen;
 use super::selection::{NAMES, SelectionArgs};
 use super::signals;
+use super::spread::{SpreadArgs, spread};
 use super::upward::StorePlace;
 use crate::pipeline::execute::{Options, recheck};
 use crate::pipeline::spec::Pipeline;
@@ -48,6 +49,8 @@ pub struct Args {
     check: CheckArgs,
     #[command(flatten)]
     how: HowArgs,
+    #[command(flatten)]
+    spread: SpreadArgs,
     /// Only show what would run.
     #[arg(long)]
     dry_run: bool,
@@ -75,6 +78,14 @@ impl Args {
         screen: &Screen,
     ) -> Result<(ExitCode, Option<String>), CliError> {
         let cancelled = Arc::new(AtomicBool::new(false));
+        if self.spread.is_wanted() {
+            let remote = self.how.need_remote(pipeline, &cancelled)?;
+            signals::listen(&cancelled);
+            let store = Store::open_until(store, &cancelled)?;
+            let selection = (&self.selection).into();
+            let asked = (&self.how, self.dry_run, self.keep);
+            return spread(&self.spread, asked, (pipeline, &selection), (&store, &remote), &cancelled, screen);
+        }
         let remote = self.how.remote(pipeline, &cancelled)?;
         if self.dry_run {
             let selection = (&self.selection).into();

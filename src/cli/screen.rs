@@ -135,12 +135,18 @@ impl Screen {
         io::stdout().flush().map_err(CliError::output)
     }
 
+    /// Tells whether somebody can answer a question.
+    #[must_use]
+    pub fn can_ask(&self) -> bool {
+        io::stdin().is_terminal() && io::stderr().is_terminal()
+    }
+
     /// Asks a question on the terminal; where nobody can answer, what was asked for is meant.
     ///
     /// # Errors
     /// If the answer cannot be read.
     pub fn ask(&self, question: &str) -> Result<bool, CliError> {
-        if !io::stdin().is_terminal() || !io::stderr().is_terminal() {
+        if !self.can_ask() {
             return Ok(true);
         }
         let _ = write!(io::stderr().lock(), "{question} [y/N] ");

@@ -35,6 +35,16 @@ impl SharedArgs {
         Ok(Some(remote))
     }
 
+    /// As [`SharedArgs::open`], for a run that is nothing without one.
+    ///
+    /// # Errors
+    /// As [`SharedArgs::open`], and if none is named or it does not answer.
+    pub(super) fn need(&self, pipeline: &Pipeline, stop: &Arc<AtomicBool>) -> Result<Remote, CliError> {
+        let remote = self.remote.need(Some(pipeline), stop)?;
+        remote.check_writable()?;
+        Ok(remote)
+    }
+
     /// Gives the record of a run that gave something to the shared store, and says what did not get there.
     pub(super) fn conclude(
         &self,

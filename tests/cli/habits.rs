@@ -192,8 +192,8 @@ const COMMANDS: &[(&str, &str)] = &[
     ("man", "man --out pages"),
     ("version", "version"),
 ];
-/// Commands that print nothing here, or go on until they are told to end; `live` has them.
-const ELSEWHERE: [&str; 3] = ["watch", "log", "help"];
+/// Commands that print nothing here, or go on until they are told to end; `live` has them; `cluster` has those of workers.
+const ELSEWHERE: [&str; 4] = ["watch", "log", "worker", "help"];
 
 #[test]
 fn every_command_speaks_json() {

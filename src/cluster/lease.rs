@@ -1,0 +1,137 @@
+//! Leases: who works on a unit, as far as others can see.
+//!
+//! A lease is a note with a number. Whoever begins writes the next number, which only one of several can; whoever works
+//! touches it now and then. One that nobody has touched for a while by the watcher's own clock is dead.
+
+use std::time::{Duration, Instant};
+
+use serde::{Deserialize, Serialize};
+
+use super::error::ClusterError;
+use super::job::Job;
+use crate::remote::Remote;
+
+/// How often a lease is touched, and how long it lives without.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Pace {
+    /// How often.
+    pub beat: Duration,
+    /// How long.
+    pub life: Duration,
+}
+
+impl Pace {
+    /// Touches so often, and lives for four times as long.
+    #[must_use]
+    pub const fn of(beat: Duration) -> Self {
+        Self { beat, life: beat.saturating_mul(4) }
+    }
+}
+
+impl Default for Pace {
+    fn default() -> Self {
+        Self::of(Duration::from_secs(15))
+    }
+}
+
+/// What a lease says.
+#[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub(super) struct Lease {
+    /// Who has it.
+    pub holder: String,
+    /// What a scheduler would start again in the place of the holder, and of nobody else.
+    pub job: Option<String>,
+    /// How often it was touched.
+    pub beats: u64,
+    /// How many of the unit's tasks are done with.
+    pub done: usize,
+    /// What is at work.
+    pub running: Vec<String>,
+}
+
+/// What came of asking for a lease.
+#[derive(Debug)]
+pub(super) enum Asked {
+    /// It is ours, as the try of this number.
+    Held(Held),
+    /// Another one has it, and lives as far as is known.
+    Busy(Lease),
+}
+
+/// A lease that is ours.
+#[derive(Debug)]
+pub(super) struct Held {
+    name: String,
+    pub attempt: u32,
+    lease: Lease,
+}
+
+/// What is known of others' leases: what they said last, and since when.
+#[derive(Debug, Default)]
+pub(super) struct Watch {
+    seen: std::collections::BTreeMap<String, (Vec<u8>, Instant)>,
+}
+
+fn folder(job: &Job, unit: usize) -> String {
+    format!("{}/leases/{unit:05}", job.id)
+}
+
+impl Watch {
+    /// Asks for the lease of a unit.
+    pub(super) fn ask(
+        &mut self,
+        remote: &Remote,
+        (job, unit): (&Job, usize),
+        mine: &Lease,
+        pace: Pace,
+    ) -> Result<Asked, ClusterError> {
+        let folder = folder(job, unit);
+        let newest = remote.notes(&folder)?.pop();
+        let attempt = match newest {
+            None => 1,
+            Some(name) => {
+                let number: u32 =
+                    name.rsplit('/').next().and_then(|last| last.strip_suffix(".json")?.parse().ok()).unwrap_or(0);
+                let text = remote.note(&name)?.unwrap_or_default();
+                let lease: Lease = serde_json::from_slice(&text).unwrap_or_default();
+                // A scheduler starts a job again only when the one before is gone.
+                let ours = lease.job.is_some() && lease.job == mine.job;
+                if !ours && !self.is_dead(&name, text, pace) {
+                    return Ok(Asked::Busy(lease));
+                }
+                number + 1
+            }
+        };
+        let name = format!("{folder}/{attempt:06}.json");
+        let text = serde_json::to_vec(mine).expect("a lease is JSON");
+        if !remote.write_new_note(&name, &text)? {
+            return Ok(Asked::Busy(Lease::default()));
+        }
+        Ok(Asked::Held(Held { name, attempt, lease: mine.clone() }))
+    }
+
+    /// Tells whether a lease has not changed for too long, by the clock here.
+    fn is_dead(&mut self, name: &str, text: Vec<u8>, pace: Pace) -> bool {
+        match self.seen.get(name) {
+            Some((before, since)) if *before == text => since.elapsed() >= pace.life,
+            _ => {
+                self.seen.insert(name.to_owned(), (text, Instant::now()));
+                false
+            }
+        }
+    }
+}
+
+impl Held {
+    /// Touches it, and says how far the work is.
+    pub(super) fn touch(&mut self, remote: &Remote, done: usize, running: Vec<String>) -> Result<(), ClusterError> {
+        self.lease = Lease { beats: self.lease.beats + 1, done, running, ..self.lease.clone() };
+        Ok(remote.write_note(&self.name, serde_json::to_vec(&self.lease).expect("a lease is JSON"))?)
+    }
+}
+
+/// Returns the newest lease of a unit, if anybody ever had one.
+pub(super) fn newest(remote: &Remote, job: &Job, unit: usize) -> Result<Option<Lease>, ClusterError> {
+    let Some(name) = remote.notes(&folder(job, unit))?.pop() else { return Ok(None) };
+    Ok(remote.note(&name)?.and_then(|text| serde_json::from_slice(&text).ok()))
+}
