@@ -1,5 +1,6 @@
 //! `plan --cost`: what a run would take, and how good such forecasts were.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 use serde_json::{Value, json};
@@ -22,6 +23,8 @@ pub(super) const HEADER: [&str; 3] = ["time", "size", "from"];
 /// What a run would take.
 pub(super) struct Cost {
     forecast: Forecast,
+    /// The tasks of each node by position.
+    of_nodes: BTreeMap<String, Vec<usize>>,
     /// By what factors the newest forecasts of the pipeline were off, newest first.
     errors: Vec<f64>,
 }
@@ -39,16 +42,22 @@ impl Cost {
         let forecast = foresee(pipeline, plan, store, jobs)?;
         let path = store.path_from_here(&pipeline.file);
         let errors = errors(&store.runs()?, |run| run.pipeline == pipeline.name && run.is_of(&path), JUDGED);
-        Ok(Self { forecast, errors })
+        let mut of_nodes: BTreeMap<String, Vec<usize>> = BTreeMap::new();
+        for (index, task) in plan.tasks.iter().enumerate() {
+            match of_nodes.get_mut(task.name.node()) {
+                Some(of_node) => of_node.push(index),
+                None => drop(of_nodes.insert(task.name.node().to_owned(), vec![index])),
+            }
+        }
+        Ok(Self { forecast, of_nodes, errors })
     }
 
     /// Returns what is shown of a task; a node counts with its parts where those are not shown.
     pub(super) fn cells(&self, plan: &Plan, task: &PlannedTask, all: bool) -> [String; 3] {
-        let with = |other: &PlannedTask| {
-            other.name == task.name || (!all && task.role == Role::Node && other.name.node() == task.name.as_str())
-        };
-        let positions = (0..plan.tasks.len()).filter(|index| with(&plan.tasks[*index]));
-        let estimates: Vec<Estimate> = positions.filter_map(|index| self.forecast.tasks[index]).collect();
+        let with = |other: &PlannedTask| other.name == task.name || (!all && task.role == Role::Node);
+        let of_node = self.of_nodes.get(task.name.node()).into_iter().flatten();
+        let positions = of_node.filter(|index| with(&plan.tasks[**index]));
+        let estimates: Vec<Estimate> = positions.filter_map(|index| self.forecast.tasks[*index]).collect();
         let Some(basis) = estimates.first().map(|estimate| estimate.basis) else {
             return ["-", "-", ""].map(str::to_owned);
         };
