@@ -1,6 +1,6 @@
 //! Frees what nobody needs any more of a shared store.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use futures_util::{StreamExt, stream};
@@ -10,7 +10,7 @@ use object_store::path::Path;
 use super::error::{Fault, RemoteError};
 use super::give::age;
 use super::{Header, Layout, Remote, limits};
-use crate::store::{Freed, Key, Reached, Received, Record, Run, RunSummary, roots};
+use crate::store::{Digest, Freed, Key, Reached, Received, Record, Run, RunSummary, roots};
 
 /// How many are removed by one request, where the place can do that.
 const BATCH: usize = 1000;
@@ -33,7 +33,7 @@ pub struct RemoteCollected {
     pub objects: Freed,
     /// Records of what came out of what.
     pub recipes: Freed,
-    /// Records of runs.
+    /// Records of runs, and notes of jobs.
     pub runs: Freed,
     /// Ids of the runs whose artifacts stay.
     pub kept_runs: Vec<String>,
@@ -81,6 +81,7 @@ impl Remote {
         let mut collected = RemoteCollected::default();
         let mut runs = self.survey(asked)?;
         collected.kept_runs = std::mem::take(&mut runs.kept);
+        self.survey_jobs(&mut runs, asked)?;
         runs.gone.iter().for_each(|record| collected.runs.add(record.size));
         let (old, young) = self.recipes(&runs.reached, asked)?;
         old.iter().for_each(|recipe| collected.recipes.add(recipe.size));
@@ -143,6 +144,35 @@ impl Remote {
             }
         }
         Ok(found)
+    }
+
+    /// Adds what jobs need: of those that somebody has touched lately the files that went along; others go, with all their notes.
+    fn survey_jobs(&self, runs: &mut Runs, asked: &RemoteCollect) -> Result<(), RemoteError> {
+        let root = self.layout.jobs();
+        let mut jobs: BTreeMap<String, Vec<ObjectMeta>> = BTreeMap::new();
+        for note in self.list(&root)? {
+            let id = note.location.prefix_match(&root).and_then(|mut parts| Some(parts.next()?.as_ref().to_owned()));
+            if let Some(id) = id {
+                jobs.entry(id).or_default().push(note);
+            }
+        }
+        for (id, notes) in jobs {
+            if notes.iter().all(|note| age(note) >= asked.older_than.max(asked.grace)) {
+                runs.gone.extend(notes);
+                continue;
+            }
+            let text = match self.read(&self.layout.job_objects(&id)) {
+                Ok(text) => text,
+                Err(Fault::Absent) => continue,
+                Err(fault) => {
+                    self.health.failed_to_write(fault);
+                    return Err(self.unusable());
+                }
+            };
+            let text = String::from_utf8_lossy(&text);
+            runs.reached.objects.extend(text.lines().filter_map(|line| line.parse::<Digest>().ok()));
+        }
+        Ok(())
     }
 
     /// Lists the recipes that go, and those that stay without a run that reaches them.

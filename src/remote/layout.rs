@@ -55,6 +55,11 @@ impl Layout {
         self.root.clone().join("jobs")
     }
 
+    /// Returns the place of the list of objects that a job needs.
+    pub(super) fn job_objects(&self, id: &str) -> Path {
+        self.jobs().join(id).join("objects")
+    }
+
     /// Returns the place of a note, whose name has slashes.
     pub(super) fn note(&self, name: &str) -> Path {
         name.split('/').fold(self.jobs(), |path, part| path.join(part))

@@ -147,6 +147,7 @@ impl Source<'_> {
 fn absent(node: &RunNode) -> String {
     match &node.error {
         Some(error) => format!("{} failed: {error}", node.node),
+        None if node.absent => format!("{} lies elsewhere; `trodden pull` brings it", node.node),
         None => format!("{} was not made in this run", node.node),
     }
 }

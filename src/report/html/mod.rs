@@ -47,8 +47,12 @@ pub fn write(store: &Store, run: &Run) -> Result<PathBuf, ReportError> {
 pub fn render(store: &Store, run: &Run) -> String {
     let lineage = Lineage::new(run);
     let cache = Cache::of(store);
-    let source = Source { store, cache: &cache, lineage: &lineage };
-    let results = cache.fragment(&fingerprint(run), || results(&source));
+    // What is only on record cannot be drawn.
+    let mut here = run.clone();
+    here.nodes.iter_mut().filter(|node| node.absent).for_each(|node| node.artifact = None);
+    let drawn = Lineage::new(&here);
+    let source = Source { store, cache: &cache, lineage: &drawn };
+    let results = cache.fragment(&fingerprint(&here), || results(&source));
     page::page(&lineage, &lead::section(&source), &results.html)
 }
 
