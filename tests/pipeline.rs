@@ -6,6 +6,7 @@ mod plans;
 mod rechecks;
 mod runs;
 mod selections;
+mod shares;
 mod sharing;
 mod sweeps;
 mod toy;

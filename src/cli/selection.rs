@@ -28,6 +28,6 @@ pub struct SelectionArgs {
 impl From<&SelectionArgs> for Selection {
     fn from(args: &SelectionArgs) -> Self {
         let SelectionArgs { only, until, exclude, force } = args.clone();
-        Self { only, until, exclude, force }
+        Self { only, until, exclude, force, elsewhere: false }
     }
 }

@@ -25,6 +25,8 @@ pub struct Selection {
     pub exclude: Vec<String>,
     /// Made again although they are on record.
     pub force: Vec<String>,
+    /// Whether it is enough that results are on record: whoever makes something elsewhere needs them there.
+    pub elsewhere: bool,
 }
 
 /// The tasks of a selection.
@@ -76,6 +78,9 @@ impl Selection {
     /// As [`Selection::scope`].
     pub(crate) fn scope_with(&self, graph: &Graph, remote: bool) -> Result<Scope, PipelineError> {
         let scope = self.scope(graph)?;
+        if self.elsewhere {
+            return Ok(Scope { targets: vec![false; graph.tasks.len()], ..scope });
+        }
         Ok(if remote && self.only.is_empty() { scope.without_bulky(graph) } else { scope })
     }
 

@@ -92,6 +92,10 @@ impl Stage for Train {
         compute::environments(self.0.device, self.0.simd)
     }
 
+    fn wants_gpu(&self) -> bool {
+        self.0.device.is_gpu()
+    }
+
     fn sharing_advice(&self) -> Option<&'static str> {
         Some(compute::SHARING)
     }

@@ -34,6 +34,12 @@ impl DeviceName {
     /// Every device, also those that this build does not have.
     pub const ALL: [Self; 4] = [Self::Flex, Self::Ndarray, Self::Wgpu, Self::Cuda];
 
+    /// Tells whether it is a GPU.
+    #[must_use]
+    pub const fn is_gpu(self) -> bool {
+        matches!(self, Self::Wgpu | Self::Cuda)
+    }
+
     /// Returns the name that settings and recipes have for it.
     #[must_use]
     pub const fn name(self) -> &'static str {

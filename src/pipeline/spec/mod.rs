@@ -145,6 +145,7 @@ fn check(text: &str, request: &Request) -> Result<Pipeline, Vec<Problem>> {
         file: request.file.to_path_buf(),
         sets: request.sets.to_vec(),
         axes: request.axes.to_vec(),
+        sample: request.sample,
         source: settings + text,
         seed: declared.seed,
         remote: declared.remote.clone(),

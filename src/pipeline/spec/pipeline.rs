@@ -21,6 +21,8 @@ pub struct Pipeline {
     pub sets: Vec<String>,
     /// What a command line varies besides what the file says.
     pub axes: Vec<String>,
+    /// How many of the variants are drawn, and with which seed, where a command line says so.
+    pub sample: Option<(usize, u64)>,
     /// The text of the file, below the settings as comments.
     pub source: String,
     /// The seed of all nodes that name none of their own.

@@ -144,6 +144,11 @@ pub trait Stage: Send + Sync + std::fmt::Debug {
         None
     }
 
+    /// Tells whether it computes on a GPU, so that a scheduler gives it one.
+    fn wants_gpu(&self) -> bool {
+        false
+    }
+
     /// Returns what a part asks of the machine; the sizes of its inputs tell most of it.
     ///
     /// It is asked on the thread that starts all tasks, so it may look at no more than sizes and headers. What cannot be
