@@ -10,6 +10,8 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::cli::{Place, Said};
+use crate::needs::Need;
+use crate::python_artifacts::python;
 
 /// Small units, so that there are several of them.
 const SPREAD: [&str; 6] = ["run", "tiny.yaml", "--on", "workers", "--unit-time", "1s"];
@@ -158,7 +160,7 @@ fn a_worker_that_dies_costs_what_it_was_at() {
     let more = ["--set", "walks.duration=400", "--set", "walks.episodes=60"];
     let id = shared.submit(&home, &more);
     let mut lost = shared.worker(&Place::empty(), &id, &["--jobs", "1"]);
-    until("the first lease", || !shared.notes(&id, "leases").is_empty());
+    until("the first lease", || shared.notes(&id, "leases").iter().any(|unit| unit.join("000001.json").exists()));
     lost.kill().expect("kills");
     lost.wait().expect("ends");
     let said = shared.run(&Place::empty(), &["worker", "--run", &id, "--beat", "1s", "--json"]);
@@ -229,4 +231,64 @@ fn what_cannot_be_done_is_said() {
     fs::write(&unit, bytes).expect("writes");
     let said = shared.run(&home, &["worker", "--run", &id, "--unit", "0"]);
     assert!(said.code == Some(1) && said.err.contains("is damaged"), "{}", said.err);
+}
+
+#[test]
+fn whoever_waits_may_leave_and_come_back() {
+    let (home, shared) = (Place::empty(), Shared::new());
+    let mut command = shared.command(&home, &SPREAD);
+    let child = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
+    let jobs = || fs::read_dir(shared.0.path().join("shared/jobs")).into_iter().flatten().flatten().collect::<Vec<_>>();
+    until("the job", || jobs().iter().any(|job| job.path().join("state.json").exists()));
+    let sent = Command::new("kill").args(["-INT", &child.id().to_string()]).status().expect("starts");
+    assert!(sent.success());
+    let said = Said::of(child.wait_with_output().expect("ends"));
+    assert_eq!(said.code, Some(130), "{}{}", said.out, said.err);
+    assert!(said.err.contains("the same command waits for it again"), "{}", said.err);
+    let id = jobs()[0].file_name().into_string().expect("is text");
+    let said = shared.run(&Place::empty(), &["worker", "--run", &id]);
+    assert_eq!(said.code, Some(0), "{}", said.err);
+    let events = shared.events(&home, 0, &SPREAD);
+    assert_eq!(events.last().expect("the end")["id"], id.as_str());
+    assert_eq!(jobs().len(), 1);
+}
+
+#[test]
+fn kubernetes_takes_the_manifest() {
+    let (home, shared) = (Place::empty(), Shared::new());
+    home.write("site.yaml", "cpus: 2\nmemory: 4000\nimage: lab/trodden:1\nsecret: s3\nnamespace: lab\narray: 3\n");
+    let words = ["run", "tiny.yaml", "--on", "kubernetes", "--unit-time", "1s", "--site", "site.yaml"];
+    let said = shared.run(&home, &words);
+    assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+    assert!(said.err.contains("kubectl apply -f -"), "{}", said.err);
+    let manifest = &shared.events(&home, 0, &words).pop().expect("a manifest");
+    let spec = &manifest["spec"];
+    assert_eq!(
+        (&spec["completionMode"], &spec["completions"], &spec["parallelism"]),
+        (&"Indexed".into(), &3.into(), &3.into())
+    );
+    home.write("job.yaml", &said.out);
+    let script = "import sys, yaml, kubernetes_validate\n\
+                  kubernetes_validate.validate(yaml.safe_load(open(sys.argv[1])), '1.37', strict=True)";
+    let Some(python) = python() else { return Need::Python.missing("there is no `.venv/bin/python`") };
+    if !Need::Python.runs(python.to_str().expect("is text"), &["-c", "import kubernetes_validate"]) {
+        return;
+    }
+    let checked = Command::new(python).args(["-c", script]).arg(home.path("job.yaml")).output().expect("starts");
+    assert!(checked.status.success(), "{}{}", said.out, String::from_utf8_lossy(&checked.stderr));
+    // What it starts does the job.
+    let words: Vec<&str> = spec["template"]["spec"]["containers"][0]["args"]
+        .as_array()
+        .expect("are listed")
+        .iter()
+        .map(|word| word.as_str().expect("is text"))
+        .collect();
+    let scratch = home.path("scratch");
+    fs::create_dir(&scratch).expect("creates");
+    let words: Vec<&str> =
+        words.iter().map(|word| if *word == "/scratch" { scratch.to_str().expect("is text") } else { word }).collect();
+    let said = shared.run(&Place::empty(), &words);
+    assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+    assert_eq!(shared.events(&home, 0, &SPREAD).last().expect("the end")["status"], "finished");
+    assert_eq!(home.digests(), Place::finished().digests());
 }

@@ -16,6 +16,7 @@ use super::signals;
 use super::spread::{SpreadArgs, spread};
 use super::upward::StorePlace;
 use crate::pipeline::execute::{Options, recheck};
+use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::Pipeline;
 use crate::pipeline::stage::Register;
 use crate::store::Store;
@@ -49,14 +50,14 @@ pub struct Args {
     check: CheckArgs,
     #[command(flatten)]
     how: HowArgs,
-    #[command(flatten)]
-    spread: SpreadArgs,
     /// Only show what would run.
     #[arg(long)]
     dry_run: bool,
     /// Mark the run, so that `gc` keeps what it reaches.
     #[arg(long)]
     keep: bool,
+    #[command(flatten)]
+    spread: SpreadArgs,
 }
 
 impl Args {
@@ -82,7 +83,7 @@ impl Args {
             let remote = self.how.need_remote(pipeline, &cancelled)?;
             signals::listen(&cancelled);
             let store = Store::open_until(store, &cancelled)?;
-            let selection = (&self.selection).into();
+            let selection = Selection { elsewhere: true, ..(&self.selection).into() };
             let asked = (&self.how, self.dry_run, self.keep);
             return spread(&self.spread, asked, (pipeline, &selection), (&store, &remote), &cancelled, screen);
         }

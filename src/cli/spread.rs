@@ -1,6 +1,6 @@
 //! `run --on`: has workers on other machines make what is missing.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,11 +13,11 @@ use super::how::{HowArgs, bars};
 use super::request::age;
 use super::screen::{Screen, bytes};
 use crate::cluster::slurm::{Array, Site, Slurm, Tended, default_logs};
-use crate::cluster::{Follower, Job, Submission, UnitHead, preview, record, submit};
+use crate::cluster::{Follower, Job, Shelf, Submission, UnitHead, manifest, preview, record, submit};
 use crate::pipeline::event::{Counts, Event};
 use crate::pipeline::execute::{Failure, RunReport};
 use crate::pipeline::forecast::foresee;
-use crate::pipeline::plan::{Plan, State, plan_with};
+use crate::pipeline::plan::{Plan, PlannedTask, State, plan_with};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
 use crate::remote::Remote;
@@ -28,6 +28,8 @@ use crate::store::{Fetched, NodeName, Outcome, Peer, Role, Run, RunNode, RunStat
 /// How often it is looked for ends, and how often a scheduler is asked.
 const LOOK: Duration = Duration::from_secs(1);
 const ASK: Duration = Duration::from_secs(3);
+/// How many units are looked at for what is at work in them.
+const SEEN: usize = 16;
 /// How often it is looked whether to stop.
 const LISTEN: Duration = Duration::from_millis(50);
 /// How many jobs are looked at for one to go on with.
@@ -44,13 +46,15 @@ pub enum Where {
     Workers,
     /// Workers that Slurm starts.
     Slurm,
+    /// Workers that Kubernetes starts, from a manifest that is printed.
+    Kubernetes,
 }
 
 /// How work is spread over machines.
 #[derive(Debug, Clone, clap::Args)]
 #[command(next_help_heading = "On other machines")]
 pub struct SpreadArgs {
-    /// Have others make it, over a shared store: `slurm`, or `workers` that you start with `trodden worker`.
+    /// Have others make it, over a shared store: `slurm`, `kubernetes` (submits and prints a manifest), or `workers` that you start with `trodden worker`.
     #[arg(long, value_name = "WHERE", value_enum, hide_possible_values = true, conflicts_with_all = ["names", "sample", "force"])]
     on: Option<Where>,
     /// About how long a unit of work is to last on one core.
@@ -102,7 +106,7 @@ impl SpreadArgs {
     }
 }
 
-/// Has others make what is missing of a pipeline; returns the exit code and the id of the run.
+/// Has others make what is missing of a pipeline; returns the exit code, and the id of the run if it is over.
 pub(super) fn spread(
     args: &SpreadArgs,
     (how, dry_run, keep): (&HowArgs, bool, bool),
@@ -113,8 +117,9 @@ pub(super) fn spread(
 ) -> Result<(ExitCode, Option<String>), CliError> {
     let site = args.site()?;
     check_sources(pipeline)?;
-    let plan = plan_with(pipeline, store, Some(remote), selection)?;
-    let found = if dry_run { None } else { unfinished(pipeline, selection, remote)? };
+    let mut shelf = Shelf::new(remote);
+    let found = survey(pipeline, selection, store, &mut shelf, remote)?.filter(|_| !dry_run);
+    let plan = plan_with(pipeline, store, Some(&shelf), selection)?;
     let forecast = foresee(pipeline, &plan, store, 1)?;
     let asked = Submission {
         pipeline,
@@ -134,8 +139,10 @@ pub(super) fn spread(
             Some(job) => (job, Vec::new(), true),
             None => {
                 screen.remark("everything is made already: nothing is submitted");
-                let ended = nothing(pipeline, selection, &plan, store);
-                return finish(ended, (how, keep), (store, remote), &mut bars(screen), screen);
+                let (ended, mut bars) = (nothing(pipeline, selection, &plan, store), bars(screen));
+                tell_begin(&ended.0, &plan, &mut bars);
+                tell_hits(&plan, &mut bars, &mut BTreeSet::new());
+                return finish(ended, (how, keep), (store, remote), &mut bars, screen);
             }
         },
     };
@@ -156,11 +163,23 @@ pub(super) fn spread(
         screen.advise(format!("start workers wherever you like: trodden worker --remote {address} --run {id}"));
     }
     spread.write_note()?;
+    if args.on == Some(Where::Kubernetes) {
+        let manifest = manifest(&job, &site, remote.address());
+        if screen.json() {
+            screen.object(&manifest)?;
+        } else {
+            screen.line(
+                serde_saphyr::to_string(&manifest).map_err(|error| CliError::request(error.to_string()))?.trim_end(),
+            )?;
+            screen.advise("give this to `kubectl apply -f -`; the same command with `--on workers` waits for it");
+        }
+        return Ok((ExitCode::SUCCESS, None));
+    }
     if args.detach {
         if screen.json() {
             screen.object(&serde_json::json!({ "event": "submitted", "id": job.id, "units": job.units.len() }))?;
         }
-        return Ok((ExitCode::SUCCESS, Some(job.id.clone())));
+        return Ok((ExitCode::SUCCESS, None));
     }
     spread.follow((how, keep), cancelled, screen)
 }
@@ -193,21 +212,40 @@ fn describe(units: &[UnitHead], id: Option<&str>, screen: &Screen) -> Result<(),
     Ok(())
 }
 
-/// Finds a job of the same pipeline that has not ended.
-fn unfinished(pipeline: &Pipeline, selection: &Selection, remote: &Remote) -> Result<Option<(Job, Note)>, CliError> {
+/// Looks at the newest jobs of the pipeline: finds one of the same that has not ended, and takes what others have made and is
+/// not on record here to the shelf.
+fn survey(
+    pipeline: &Pipeline,
+    selection: &Selection,
+    store: &Store,
+    shelf: &mut Shelf,
+    remote: &Remote,
+) -> Result<Option<(Job, Note)>, CliError> {
     let mine = note_of(pipeline, selection, Vec::new());
     for id in remote.note_folders()?.into_iter().rev().take(RECENT) {
         let Some(text) = remote.note(&format!("{id}/state.json"))? else { continue };
         let Ok(note) = serde_json::from_slice::<Note>(&text) else { continue };
-        if !note.over && (&note.pipeline, &note.source, &note.asked) == (&mine.pipeline, &mine.source, &mine.asked) {
-            return Ok(Some((Job::read(remote, &id)?, note)));
+        if note.pipeline != mine.pipeline {
+            continue;
+        }
+        let is_here = store.run(&id).is_ok();
+        let is_same = (&note.source, &note.asked) == (&mine.source, &mine.asked);
+        if is_here && (note.over || !is_same) {
+            continue;
+        }
+        let job = Job::read(remote, &id)?;
+        if !is_here {
+            shelf.add(&job)?;
+        }
+        if !note.over && is_same {
+            return Ok(Some((job, note)));
         }
     }
     Ok(None)
 }
 
 fn note_of(pipeline: &Pipeline, selection: &Selection, arrays: Vec<Array>) -> Note {
-    let Selection { only, until, exclude, force } = selection;
+    let Selection { only, until, exclude, force, .. } = selection;
     let asked = Run {
         only: only.clone(),
         until: until.clone(),
@@ -215,7 +253,10 @@ fn note_of(pipeline: &Pipeline, selection: &Selection, arrays: Vec<Array>) -> No
         force: force.clone(),
         ..Run::default()
     };
-    let asked = asked.asked().map(|(option, value)| (option.to_owned(), value.to_owned())).collect();
+    let asked = asked.asked().map(|(option, value)| (option.to_owned(), value.to_owned()));
+    let axes = pipeline.axes.iter().map(|axis| ("axis".to_owned(), axis.clone()));
+    let drawn = pipeline.sample.iter().map(|(count, seed)| ("sample".to_owned(), format!("{count} {seed}")));
+    let asked = asked.chain(axes).chain(drawn).collect();
     let source = crate::store::Digest::of(pipeline.source.as_bytes()).to_hex();
     Note { pipeline: pipeline.name.clone(), source, asked, arrays, over: false }
 }
@@ -259,14 +300,14 @@ impl Spread<'_> {
         screen: &Screen,
     ) -> Result<(ExitCode, Option<String>), CliError> {
         let mut bars = bars(screen);
-        let nodes = self.plan.tasks.iter().filter(|task| task.state != State::OutOfScope).count();
-        let (id, run) = (self.job.id.clone(), &self.job.run);
-        bars.hear(&Event::RunStarted { id: id.clone(), pipeline: run.pipeline.clone(), file: run.file.clone(), nodes });
+        tell_begin(&self.job.run, self.plan, &mut bars);
         let mut follower = Follower::new(self.job, self.remote);
         let (mut tended, mut failures) = (Tended::default(), Vec::new());
         // Each node is told of once: what a worker has pushed already may be a hit here before its unit has ended.
         let (mut told, mut is_first) = (BTreeSet::new(), true);
-        let mut asked = Instant::now();
+        let tasks: BTreeMap<&str, &PlannedTask> =
+            self.plan.tasks.iter().map(|task| (task.name.as_str(), task)).collect();
+        let (mut asked, mut begun) = (Instant::now(), BTreeSet::new());
         let status = loop {
             follower.look(self.store, &mut |event| {
                 if let Event::Node { node, outcome, error, help, .. } = event {
@@ -281,20 +322,23 @@ impl Spread<'_> {
                 bars.hear(event);
             })?;
             if std::mem::take(&mut is_first) {
-                self.tell_hits(&mut bars, &mut told);
+                tell_hits(self.plan, &mut bars, &mut told);
             }
             if follower.is_over() {
                 break if failures.is_empty() { RunStatus::Finished } else { RunStatus::Failed };
             }
-            if self.slurm.is_some() && asked.elapsed() >= ASK {
+            if asked.elapsed() >= ASK {
                 asked = Instant::now();
+                tell_work(&follower, &tasks, &mut begun, &mut bars)?;
                 self.tend(&follower, &mut tended, &mut bars, &mut failures)?;
                 let left = (0..self.job.units.len()).filter(|unit| !follower.has_ended(*unit));
                 if left.clone().count() > 0 && left.clone().all(|unit| tended.given_up.contains(&unit)) {
                     break RunStatus::Failed;
                 }
             }
-            if !wait(LOOK, cancelled) {
+            // Looking costs a request for each thousand units.
+            let pause = LOOK * u32::try_from(1 + self.job.units.len() / 500).unwrap_or(u32::MAX);
+            if !wait(pause, cancelled) {
                 return self.leave(bars, screen);
             }
         };
@@ -302,32 +346,6 @@ impl Spread<'_> {
         self.write_note()?;
         let run = record(self.job, self.plan, &follower.ends, self.store, (status, self.job.age_s()));
         finish((run, failures), (how, keep), (self.store, self.remote), &mut bars, screen)
-    }
-
-    /// Tells of what was there before.
-    fn tell_hits(&self, bars: &mut Bars, told: &mut BTreeSet<NodeName>) {
-        for task in &self.plan.tasks {
-            let (artifact, pulled) = match &task.state {
-                State::Hit { artifact } => (artifact, None),
-                State::Pull { artifact } => (artifact, Some(0)),
-                _ => continue,
-            };
-            if !told.insert(task.name.clone()) {
-                continue;
-            }
-            bars.hear(&Event::Node {
-                node: task.name.clone(),
-                outcome: Outcome::Hit,
-                digest: Some(artifact.digest),
-                role: task.role,
-                stage: task.stage.to_string(),
-                kind: task.kind.to_string(),
-                wall_s: 0.0,
-                pulled,
-                error: None,
-                help: None,
-            });
-        }
     }
 
     /// Looks after what Slurm has lost.
@@ -376,8 +394,57 @@ impl Spread<'_> {
         } else {
             screen.advise(format!("{id} goes on; the same command waits for it again"));
         }
-        Ok((ExitCode::from(130), Some(id.clone())))
+        Ok((ExitCode::from(130), None))
     }
+}
+
+/// Tells that a run begins.
+fn tell_begin(run: &Run, plan: &Plan, bars: &mut Bars) {
+    let nodes = plan.tasks.iter().filter(|task| task.state != State::OutOfScope).count();
+    let (id, pipeline, file) = (run.id.clone(), run.pipeline.clone(), run.file.clone());
+    bars.hear(&Event::RunStarted { id, pipeline, file, nodes });
+}
+
+/// Tells of what was there before.
+fn tell_hits(plan: &Plan, bars: &mut Bars, told: &mut BTreeSet<NodeName>) {
+    for task in &plan.tasks {
+        let (artifact, pulled) = match &task.state {
+            State::Hit { artifact } => (artifact, None),
+            State::Pull { artifact } => (artifact, Some(0)),
+            _ => continue,
+        };
+        if !told.insert(task.name.clone()) {
+            continue;
+        }
+        bars.hear(&Event::Node {
+            node: task.name.clone(),
+            outcome: Outcome::Hit,
+            digest: Some(artifact.digest),
+            role: task.role,
+            stage: task.stage.to_string(),
+            kind: task.kind.to_string(),
+            wall_s: 0.0,
+            pulled,
+            error: None,
+            help: None,
+        });
+    }
+}
+
+/// Tells what workers are at.
+fn tell_work(
+    follower: &Follower,
+    tasks: &BTreeMap<&str, &PlannedTask>,
+    begun: &mut BTreeSet<NodeName>,
+    bars: &mut Bars,
+) -> Result<(), CliError> {
+    for name in follower.at_work(SEEN)? {
+        let Some(task) = tasks.get(name.as_str()).filter(|task| !begun.contains(&task.name)) else { continue };
+        begun.insert(task.name.clone());
+        let (node, stage, role) = (task.name.clone(), task.stage.to_string(), task.role);
+        bars.hear(&Event::NodeStarted { node, stage, role });
+    }
+    Ok(())
 }
 
 /// Puts the run on record, brings results here, and tells of it.

@@ -1,10 +1,10 @@
 //! Hears at home of what workers elsewhere do.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::error::ClusterError;
 use super::job::{End, Job};
-use super::lease::newest;
+use super::lease::Lease;
 use super::record::keep_records;
 use crate::pipeline::event::Event;
 use crate::remote::Remote;
@@ -75,18 +75,25 @@ impl<'a> Follower<'a> {
         Ok(new.len())
     }
 
-    /// Returns who works on some units as far as their leases say, and what is at work there.
+    /// Returns what is at work as far as leases say, of so many units at most.
     ///
     /// # Errors
     /// If the shared store is away.
-    pub fn at_work(&self, units: &[usize]) -> Result<Vec<(usize, String, Vec<String>)>, ClusterError> {
-        let leases = self.remote.each(units, |unit| newest(self.remote, self.job, *unit));
-        let mut found = Vec::new();
-        for (unit, lease) in units.iter().zip(leases) {
-            if let Some(lease) = lease? {
-                found.push((*unit, lease.holder, lease.running));
+    pub fn at_work(&self, most: usize) -> Result<Vec<String>, ClusterError> {
+        let mut newest: BTreeMap<usize, String> = BTreeMap::new();
+        for name in self.remote.notes(&format!("{}/leases", self.job.id))? {
+            let unit = name.rsplit('/').nth(1).and_then(|unit| unit.parse().ok());
+            if let Some(unit) = unit.filter(|unit| !self.has_ended(*unit)) {
+                newest.insert(unit, name);
             }
         }
-        Ok(found)
+        let names: Vec<String> = newest.into_values().take(most).collect();
+        let leases = self.remote.each(&names, |name| self.remote.note(name));
+        let mut running = Vec::new();
+        for lease in leases {
+            let lease = lease?.and_then(|text| serde_json::from_slice::<Lease>(&text).ok());
+            running.extend(lease.into_iter().flat_map(|lease| lease.running));
+        }
+        Ok(running)
     }
 }

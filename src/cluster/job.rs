@@ -31,6 +31,8 @@ pub struct Job {
     pub text: String,
     /// The settings of the command line.
     pub sets: Vec<String>,
+    /// How many variants of a sweep are drawn, and with which seed, where the command line says so.
+    pub sample: Option<(usize, u64)>,
     /// The values of the variables that the text names.
     pub variables: BTreeMap<String, String>,
     /// The files outside of the store that it reads.
@@ -128,8 +130,8 @@ pub struct End {
     pub requests: u64,
     /// What became of its tasks.
     pub nodes: Vec<RunNode>,
-    /// The records of what was made, as they are written.
-    pub records: Vec<String>,
+    /// The records of what was made, as they are written, by key.
+    pub records: Vec<(Key, String)>,
     /// What there was to warn of.
     pub warnings: Vec<String>,
     /// Help lines by the node that failed.
@@ -168,6 +170,7 @@ impl Job {
             file: String::new(),
             text: String::new(),
             sets: run.sets.clone(),
+            sample: None,
             variables: BTreeMap::new(),
             sources: Vec::new(),
             run,

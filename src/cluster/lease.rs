@@ -130,8 +130,74 @@ impl Held {
     }
 }
 
-/// Returns the newest lease of a unit, if anybody ever had one.
-pub(super) fn newest(remote: &Remote, job: &Job, unit: usize) -> Result<Option<Lease>, ClusterError> {
-    let Some(name) = remote.notes(&folder(job, unit))?.pop() else { return Ok(None) };
-    Ok(remote.note(&name)?.and_then(|text| serde_json::from_slice(&text).ok()))
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::sync::Arc;
+    use std::sync::atomic::AtomicBool;
+
+    use super::*;
+    use crate::store::Run;
+
+    const PACE: Pace = Pace { beat: Duration::from_millis(50), life: Duration::from_millis(200) };
+
+    fn asks(watch: &mut Watch, remote: &Remote, holder: &str, scheduled: Option<&str>) -> Option<Held> {
+        let job = Job::new(Run { id: "r".to_owned(), ..Run::default() });
+        let mine = Lease { holder: holder.to_owned(), job: scheduled.map(str::to_owned), ..Lease::default() };
+        match watch.ask(remote, (&job, 3), &mine, PACE).expect("the folder is there") {
+            Asked::Held(held) => Some(held),
+            Asked::Busy(_) => None,
+        }
+    }
+
+    fn remote(folder: &Path) -> Remote {
+        let address = folder.join("shared").display().to_string();
+        Remote::open(&address, folder, false, &Arc::new(AtomicBool::new(false))).expect("a folder is an address")
+    }
+
+    #[test]
+    fn a_lease_is_one_holders_until_nobody_touches_it() {
+        let folder = tempfile::tempdir().expect("creates");
+        let remote = remote(folder.path());
+        let (mut first, mut second) = (Watch::default(), Watch::default());
+        let mut held = asks(&mut first, &remote, "a", None).expect("nobody has it");
+        assert_eq!(held.attempt, 1);
+        assert!(asks(&mut second, &remote, "b", None).is_none());
+        // As long as it is touched it lives, however long that is.
+        for done in 0..6 {
+            std::thread::sleep(PACE.life / 2);
+            held.touch(&remote, done, vec!["walks/a".to_owned()]).expect("writes");
+            assert!(asks(&mut second, &remote, "b", None).is_none(), "touched {done} times");
+        }
+        std::thread::sleep(PACE.life + PACE.beat);
+        let taken = asks(&mut second, &remote, "b", None).expect("it is dead");
+        assert_eq!(taken.attempt, 2);
+        // To somebody who has not watched it the new one is as alive as any.
+        assert!(asks(&mut Watch::default(), &remote, "c", None).is_none());
+    }
+
+    #[test]
+    fn what_a_scheduler_starts_again_goes_on_at_once() {
+        let folder = tempfile::tempdir().expect("creates");
+        let remote = remote(folder.path());
+        asks(&mut Watch::default(), &remote, "a", Some("slurm 7_0")).expect("nobody has it");
+        assert!(asks(&mut Watch::default(), &remote, "b", Some("slurm 8_0")).is_none());
+        let again = asks(&mut Watch::default(), &remote, "c", Some("slurm 7_0")).expect("the one before is gone");
+        assert_eq!(again.attempt, 2);
+    }
+
+    #[test]
+    fn of_many_who_ask_at_once_one_gets_it() {
+        let folder = tempfile::tempdir().expect("creates");
+        let remote = remote(folder.path());
+        let got = std::thread::scope(|scope| {
+            let ask = |number: usize| {
+                let remote = &remote;
+                scope.spawn(move || asks(&mut Watch::default(), remote, &format!("{number}"), None).is_some())
+            };
+            let asked: Vec<_> = (0..16).map(ask).collect();
+            asked.into_iter().map(|asked| asked.join().expect("ends")).filter(|got| *got).count()
+        });
+        assert_eq!(got, 1);
+    }
 }

@@ -5,6 +5,7 @@
 //! worker   unit → end      takes a unit under a lease, pulls what it reads, makes it, pushes, and notes what came of it
 //! follow   ends → record   hears of the ends as they come, and puts the run on record at home
 //! slurm                    has a scheduler start workers, an array of them for each wave
+//! kubernetes               describes workers for another one to start
 //! ```
 //!
 //! A job lies below `jobs/<id>/` in the shared store:
@@ -31,9 +32,11 @@ pub mod cut;
 mod error;
 mod follow;
 mod job;
+mod kubernetes;
 mod lease;
 mod place;
 mod record;
+mod shelf;
 pub mod slurm;
 mod submit;
 mod worker;
@@ -41,8 +44,10 @@ mod worker;
 pub use error::ClusterError;
 pub use follow::Follower;
 pub use job::{End, Job, Unit, UnitHead};
+pub use kubernetes::manifest;
 pub use lease::Pace;
 pub use place::Place;
 pub use record::{keep_records, record};
+pub use shelf::Shelf;
 pub use submit::{Submission, preview, submit};
 pub use worker::{Worked, Worker};

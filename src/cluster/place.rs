@@ -1,6 +1,5 @@
 //! A folder in which a pipeline finds its file and its sources as they were when it was submitted.
 
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -29,7 +28,7 @@ impl Place {
         let depth = job.sources.iter().map(|source| ups(Path::new(&source.path))).max().unwrap_or(0);
         let folder = (0..depth).fold(root.path().to_owned(), |folder, _| folder.join("in"));
         fs::create_dir_all(&folder).map_err(failed(&folder))?;
-        let file = folder.join(&job.file);
+        let file = folder.join(Path::new(&job.file).file_name().unwrap_or("pipeline.yaml".as_ref()));
         fs::write(&file, &job.text).map_err(failed(&file))?;
         let brought = remote.each(&job.sources, |source| bring(source, &folder, remote, store));
         brought.into_iter().collect::<Result<(), _>>()?;
@@ -41,9 +40,8 @@ impl Place {
     /// # Errors
     /// If this program does not understand it.
     pub fn load(&self, job: &Job, register: &Register) -> Result<Pipeline, ClusterError> {
-        let variables: BTreeMap<String, String> = job.variables.clone();
-        let request = Request::new(&self.file, &job.sets, &variables, register);
-        Ok(spec::parse(&job.text, &Request { axes: &job.run.axes, ..request })?)
+        let request = Request::new(&self.file, &job.sets, &job.variables, register);
+        Ok(spec::parse(&job.text, &Request { axes: &job.run.axes, sample: job.sample, ..request })?)
     }
 }
 
@@ -51,6 +49,10 @@ impl Place {
 fn bring(source: &JobSource, folder: &Path, remote: &Remote, store: &Store) -> Result<(), ClusterError> {
     let path = folder.join(&source.path);
     let file = FileRef { name: String::new(), digest: source.digest, bytes: source.bytes };
+    // It was written elsewhere, and is not to reach what lies outside.
+    if Path::new(&source.path).is_absolute() {
+        return Err(ClusterError::Source { path: source.path.clone(), why: "it is named by its whole way".to_owned() });
+    }
     let gone = |why: &str| ClusterError::Source { path: source.path.clone(), why: why.to_owned() };
     if !matches!(remote.fetch(store, &Artifact::single(file))?, Fetched::All { .. }) {
         return Err(gone("it is not in the shared store any more, or damaged there"));

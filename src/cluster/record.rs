@@ -46,13 +46,8 @@ pub fn record(job: &Job, plan: &Plan, ends: &[End], store: &Store, (status, wall
 /// # Errors
 /// If the store cannot be written.
 pub fn keep_records(end: &End, store: &Store) -> Result<(), ClusterError> {
-    let keys: Vec<_> = end.nodes.iter().filter_map(|node| node.key).collect();
-    for text in &end.records {
-        let found = keys.iter().find_map(|key| match Record::from_text(key, text.as_bytes()) {
-            Received::Good(record) => Some((key, record)),
-            _ => None,
-        });
-        if let Some((key, record)) = found {
+    for (key, text) in &end.records {
+        if let Received::Good(record) = Record::from_text(key, text.as_bytes()) {
             store.remember(key, &record)?;
         }
     }

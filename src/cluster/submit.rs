@@ -52,6 +52,7 @@ pub fn submit(asked: &Submission, store: &Store, remote: &Remote) -> Result<Opti
     let mut job = Job::new(new_run(store, pipeline, asked.selection));
     job.file = pipeline.file.file_name().unwrap_or_default().to_string_lossy().into_owned();
     pipeline.text().clone_into(&mut job.text);
+    job.sample = pipeline.sample;
     job.variables = variables(pipeline);
     job.sources = sources(pipeline, store, remote)?;
     job.units = units.iter().map(head).collect();
@@ -82,6 +83,8 @@ fn pieces(asked: &Submission) -> Vec<Option<Piece>> {
         };
         task.inputs.iter().find(of_chain).copied()
     };
+    let gpu: BTreeSet<&str> =
+        asked.pipeline.nodes.iter().filter(|node| node.stage.wants_gpu()).map(|node| node.name.as_str()).collect();
     let piece = |(position, task): (usize, &PlannedTask)| {
         let unknown = UNKNOWN_S.min(asked.unit_s * UNKNOWN_PART);
         let seconds = asked.estimates.get(position).copied().flatten().map_or(unknown, |estimate| estimate.seconds);
@@ -89,7 +92,7 @@ fn pieces(asked: &Submission) -> Vec<Option<Piece>> {
             seconds,
             inputs: task.inputs.clone(),
             follows: follows(task),
-            gpu: false,
+            gpu: gpu.contains(task.name.node()),
         })
     };
     tasks.iter().enumerate().map(piece).collect()

@@ -14,7 +14,7 @@ use crate::pipeline::selection::Selection;
 use crate::pipeline::share::{Mismatch, ShareError};
 use crate::pipeline::spec::Pipeline;
 use crate::remote::Remote;
-use crate::store::{Artifact, Fetched, Given, Key, Outcome, Peer, Recalled, Store, StoreError};
+use crate::store::{Artifact, Digest, Fetched, Given, Key, Outcome, Peer, Recalled, Store, StoreError};
 
 /// From how many units of a wave on all that the wave made is read at once.
 const MANY: usize = 16;
@@ -89,21 +89,22 @@ impl<'a> Worker<'a> {
         number: usize,
         sink: &mut dyn FnMut(&Event),
     ) -> Result<Worked, ClusterError> {
+        let held = match self.watch.ask(self.remote, (job, number), &self.lease, self.pace)? {
+            Asked::Busy(Lease { holder, .. }) => return Ok(Worked::Busy { holder }),
+            Asked::Held(held) => held,
+        };
         if job.end(self.remote, number)?.is_some() {
             return Ok(Worked::There);
         }
         let unit = job.unit(self.remote, number)?;
-        let made = match self.gather(job, number, &unit)? {
-            Ok(made) => made,
-            Err(needs) => return Ok(Worked::Early { needs }),
-        };
-        match self.watch.ask(self.remote, (job, number), &self.lease, self.pace)? {
-            Asked::Busy(Lease { holder, .. }) => Ok(Worked::Busy { holder }),
-            Asked::Held(held) => self.make(job, pipeline, (number, &unit, made), held, sink),
+        match self.gather(job, number, &unit)? {
+            Ok(made) => self.make(job, pipeline, (number, &unit, made), held, sink),
+            Err(needs) => Ok(Worked::Early { needs }),
         }
     }
 
-    /// Returns which units of a job may be begun, as far as one sees from what has ended.
+    /// Returns which units of a job may be begun, as far as one sees from what has ended, and whether all have ended. Every
+    /// worker begins with another one.
     ///
     /// # Errors
     /// If the shared store is away.
@@ -111,7 +112,15 @@ impl<'a> Worker<'a> {
         let ended: BTreeSet<usize> = job.ended(self.remote)?.into_iter().collect();
         let open =
             |unit: &usize| !ended.contains(unit) && job.units[*unit].needs.iter().all(|need| ended.contains(need));
-        Ok(((0..job.units.len()).filter(open).collect(), ended.len() == job.units.len()))
+        let mut units: Vec<usize> = (0..job.units.len()).filter(open).collect();
+        if !units.is_empty() {
+            let lot = Digest::of(self.lease.holder.as_bytes()).as_bytes()[..4]
+                .iter()
+                .fold(0, |lot, byte| lot << 8 | usize::from(*byte));
+            let first = lot % units.len();
+            units.rotate_left(first);
+        }
+        Ok((units, ended.len() == job.units.len()))
     }
 
     /// Brings together what a unit reads of others; `Err` has the first that has not ended.
@@ -204,10 +213,15 @@ impl<'a> Worker<'a> {
     }
 
     /// Returns the records of what was made, or found made.
-    fn records(&self, report: &RunReport) -> Result<Vec<String>, StoreError> {
+    fn records(&self, report: &RunReport) -> Result<Vec<(Key, String)>, StoreError> {
         let there = report.run.nodes.iter().filter(|node| matches!(node.outcome, Outcome::Ran | Outcome::Hit));
-        let records = there.filter_map(|node| self.store.recall(&node.key?).transpose());
-        records.map(|record| Ok(String::from_utf8_lossy(&record?.to_text()).into_owned())).collect()
+        let mut records = Vec::new();
+        for key in there.filter_map(|node| node.key) {
+            if let Some(record) = self.store.recall(&key)? {
+                records.push((key, String::from_utf8_lossy(&record.to_text()).into_owned()));
+            }
+        }
+        Ok(records)
     }
 
     /// Touches the lease until the work is over. What cannot be touched is taken by another one, which does the same work.

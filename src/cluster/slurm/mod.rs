@@ -20,8 +20,9 @@ use super::job::Job;
 pub use site::Site;
 pub use states::{State, TaskState};
 
-/// How often a task is submitted again that ended without its unit.
+/// How often a task is submitted again that ended without its unit, and one whose time was over: it goes on from where it was.
 const RETRIES: u32 = 3;
+const CONTINUATIONS: u32 = 50;
 /// How many seconds before its time is over a worker is told to stop.
 const WARNING_S: u32 = 60;
 /// By what a task's memory grows that was killed for want of it.
@@ -140,7 +141,6 @@ impl Slurm {
     ) -> Result<Vec<Lost>, ClusterError> {
         let ids: Vec<u64> = self.arrays.iter().map(|array| array.id).collect();
         let states = commands::states(&ids)?;
-        tended.places.clear();
         let mut again: BTreeMap<Option<u64>, Vec<usize>> = BTreeMap::new();
         let mut lost = Vec::new();
         // The newest try of each unit counts.
@@ -151,9 +151,6 @@ impl Slurm {
         for (unit, (number, index)) in newest {
             let array = &self.arrays[number];
             let state = states.get(&(array.id, index));
-            if let Some(TaskState { state: State::Running, node, .. }) = state {
-                tended.places.insert(unit, node.clone());
-            }
             let is_alive = state.is_some_and(|state| matches!(state.state, State::Pending | State::Running));
             if ended(unit) || is_alive || tended.given_up.contains(&unit) {
                 continue;
@@ -170,7 +167,8 @@ impl Slurm {
             let how = state.map_or_else(|| "it is gone".to_owned(), TaskState::told);
             let log = Some(self.logs.join(format!("{}_{index}.log", array.id))).filter(|log| log.is_file());
             let tries = tended.tries.entry(unit).or_default();
-            let retry = *tries < RETRIES && !state.is_some_and(|state| state.is_final());
+            let most = if state.is_some_and(TaskState::goes_on) { CONTINUATIONS } else { RETRIES };
+            let retry = *tries < most && !state.is_some_and(|state| state.is_final());
             if retry {
                 *tries += 1;
                 let starved = state.is_some_and(TaskState::is_starved);
@@ -205,8 +203,6 @@ pub struct Tended {
     tries: BTreeMap<usize, u32>,
     /// Units that nobody tries any more.
     pub given_up: BTreeSet<usize>,
-    /// Units that run, and where.
-    pub places: BTreeMap<usize, String>,
 }
 
 /// Writes the script that each task of an array runs.

@@ -40,8 +40,16 @@ pub struct Site {
     pub program: Option<PathBuf>,
     /// Where the output of tasks goes; the store here by default. All nodes must see it.
     pub logs: Option<PathBuf>,
-    /// The most tasks of an array; as Slurm's `MaxArraySize` says by default.
+    /// The most tasks of an array; as Slurm's `MaxArraySize` says by default. In Kubernetes the most workers.
     pub array: Option<usize>,
+    /// Kubernetes: the image of a worker.
+    pub image: Option<String>,
+    /// Kubernetes: the namespace.
+    pub namespace: Option<String>,
+    /// Kubernetes: the secret whose entries workers get as variables.
+    pub secret: Option<String>,
+    /// Kubernetes: the service account of workers.
+    pub service_account: Option<String>,
 }
 
 impl Site {
@@ -74,6 +82,10 @@ impl Site {
             program: by.program.or(self.program),
             logs: by.logs.or(self.logs),
             array: by.array.or(self.array),
+            image: by.image.or(self.image),
+            namespace: by.namespace.or(self.namespace),
+            secret: by.secret.or(self.secret),
+            service_account: by.service_account.or(self.service_account),
         }
     }
 

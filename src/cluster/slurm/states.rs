@@ -56,6 +56,12 @@ impl TaskState {
         self.state == State::OutOfMemory || (self.state == State::Ended && self.status & 0x7f == 9)
     }
 
+    /// Tells whether it was stopped in time to go on later.
+    pub(super) fn goes_on(&self) -> bool {
+        const LATER: i32 = 75;
+        self.state == State::TimeOut || self.status >> 8 & 0xff == LATER
+    }
+
     /// Tells whether trying again is no use: a worker that refuses will refuse, and what was cancelled was meant so.
     pub(super) fn is_final(&self) -> bool {
         const REFUSED: i32 = 5;
