@@ -39,10 +39,8 @@ pub(super) fn follow(store: &Store, id: Option<&str>, screen: &Screen) -> Result
         }
         told.tell(&run, &mut bars);
         if run.status != RunStatus::Running {
-            let Counts { ran, hit, failed, skipped, .. } = told.counts;
-            let (wall_s, status) = (run.wall_s, run.status);
-            bars.hear(&Event::Run { ran, hit, failed, skipped, wall_s, id, status, shared: None });
-            return bars.take_failure().map_or(Ok(code(status)), |failure| Err(CliError::output(failure)));
+            bars.hear(&Event::of_run(&run, told.counts, None));
+            return bars.take_failure().map_or(Ok(code(run.status)), |failure| Err(CliError::output(failure)));
         }
         if stop.load(Ordering::Relaxed) {
             // Only the looking ends here; the run goes on.
@@ -68,18 +66,7 @@ impl Told {
                 continue;
             }
             self.counts.add(node.outcome);
-            bars.hear(&Event::Node {
-                node: node.node.clone(),
-                outcome: node.outcome,
-                digest: node.artifact.as_ref().map(|artifact| artifact.digest),
-                role: node.role,
-                stage: node.stage.clone(),
-                kind: node.kind.clone(),
-                wall_s: node.wall_s,
-                pulled: node.pulled,
-                error: node.error.clone(),
-                help: None,
-            });
+            bars.hear(&Event::of_node(node, None));
         }
         for message in run.warnings.iter().skip(self.warnings) {
             bars.hear(&Event::Warning { node: None, message: message.clone() });

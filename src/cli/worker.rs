@@ -120,7 +120,10 @@ impl Args {
                     }
                     Worked::There => idle = false,
                     Worked::Refused(mismatches) => return Ok(refuse(&job, unit, &mismatches, screen)),
-                    Worked::Stopped => return Ok(ExitCode::from(LATER)),
+                    Worked::Stopped => {
+                        remote.take_news().into_iter().for_each(|news| screen.warn(news));
+                        return Ok(ExitCode::from(LATER));
+                    }
                     Worked::Busy { holder } if self.unit.is_some() => {
                         screen.remark(format!("unit {unit} is with {holder}"));
                     }

@@ -8,7 +8,7 @@ use super::lease::Lease;
 use super::record::keep_records;
 use crate::pipeline::event::Event;
 use crate::remote::Remote;
-use crate::store::{Outcome, Store};
+use crate::store::Store;
 
 /// Somebody who waits for the units of a job.
 #[derive(Debug)]
@@ -56,19 +56,7 @@ impl<'a> Follower<'a> {
                 sink(&Event::Warning { node: None, message: warning.clone() });
             }
             for node in &end.nodes {
-                let made = matches!(node.outcome, Outcome::Ran | Outcome::Hit);
-                sink(&Event::Node {
-                    node: node.node.clone(),
-                    outcome: node.outcome,
-                    digest: node.artifact.as_ref().filter(|_| made).map(|artifact| artifact.digest),
-                    role: node.role,
-                    stage: node.stage.clone(),
-                    kind: node.kind.clone(),
-                    wall_s: node.wall_s,
-                    pulled: node.pulled,
-                    error: node.error.clone(),
-                    help: end.helps.get(node.node.as_str()).cloned(),
-                });
+                sink(&Event::of_node(node, end.helps.get(node.node.as_str()).cloned()));
             }
             self.ends.push(end);
         }

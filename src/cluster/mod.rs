@@ -49,5 +49,5 @@ pub use lease::Pace;
 pub use place::Place;
 pub use record::{keep_records, record};
 pub use shelf::Shelf;
-pub use submit::{Submission, preview, submit};
+pub use submit::{Submission, bulky, preview, submit};
 pub use worker::{Worked, Worker};

@@ -162,7 +162,8 @@ fn notes(asked: &Submission, units: &[CutUnit], store: &Store) -> Result<Vec<Uni
 }
 
 /// Returns the kinds of which artifacts stay where they were made.
-fn bulky(pipeline: &Pipeline) -> BTreeSet<String> {
+#[must_use]
+pub fn bulky(pipeline: &Pipeline) -> BTreeSet<String> {
     let outputs = pipeline.nodes.iter().map(|node| &node.spec.output);
     outputs.filter(|output| output.bulky).map(|output| output.name.to_string()).collect()
 }

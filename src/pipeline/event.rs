@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use crate::store::{Digest, NodeName, Outcome, Role, RunStatus};
+use crate::store::{Digest, NodeName, Outcome, Role, Run, RunNode, RunStatus};
 
 /// The version of what is printed as JSON. A version only ever gains fields; one that loses a field, or gives it another
 /// meaning, has the next number.
@@ -141,6 +141,40 @@ pub struct Traffic {
     pub pushed_bytes: u64,
     /// Nodes that were made here and that it did not get.
     pub unpushed: usize,
+}
+
+impl Event {
+    /// Tells of a node as it is on record.
+    #[must_use]
+    pub fn of_node(node: &RunNode, help: Option<String>) -> Self {
+        Self::Node {
+            node: node.node.clone(),
+            outcome: node.outcome,
+            digest: node.artifact.as_ref().map(|artifact| artifact.digest),
+            role: node.role,
+            stage: node.stage.clone(),
+            kind: node.kind.clone(),
+            wall_s: node.wall_s,
+            pulled: node.pulled,
+            error: node.error.clone(),
+            help,
+        }
+    }
+
+    /// Tells that a run is over.
+    #[must_use]
+    pub fn of_run(run: &Run, counts: Counts, shared: Option<Traffic>) -> Self {
+        Self::Run {
+            ran: counts.ran,
+            hit: counts.hit,
+            failed: counts.failed,
+            skipped: counts.skipped,
+            wall_s: run.wall_s,
+            id: run.id.clone(),
+            status: run.status,
+            shared,
+        }
+    }
 }
 
 /// How many nodes, chunks and steps ended in each way.

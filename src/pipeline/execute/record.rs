@@ -81,16 +81,7 @@ pub(super) fn close(mut scheduler: Scheduler) -> Result<RunReport, PipelineError
     let counts = scheduler.counts;
     let traffic = Traffic { pulled: counts.pulled, ..scheduler.exchange.traffic };
     let shared = (traffic != Traffic::default()).then_some(traffic);
-    (scheduler.sink)(&Event::Run {
-        ran: counts.ran,
-        hit: counts.hit,
-        failed: counts.failed,
-        skipped: counts.skipped,
-        wall_s: run.wall_s,
-        id: run.id.clone(),
-        status,
-        shared,
-    });
+    (scheduler.sink)(&Event::of_run(&run, counts, shared));
     let advice = advice(status, &scheduler.failures);
     Ok(RunReport { run, failures: scheduler.failures, counts, shared, advice })
 }
