@@ -36,6 +36,7 @@ impl Default for Pace {
 
 /// What a lease says.
 #[derive(Debug, Clone, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(default)]
 pub(super) struct Lease {
     /// Who has it.
     pub holder: String,
@@ -47,6 +48,8 @@ pub(super) struct Lease {
     pub done: usize,
     /// What is at work.
     pub running: Vec<String>,
+    /// Whether the holder has left the unit alone.
+    pub left: bool,
 }
 
 /// What came of asking for a lease.
@@ -96,7 +99,7 @@ impl Watch {
                 let lease: Lease = serde_json::from_slice(&text).unwrap_or_default();
                 // A scheduler starts a job again only when the one before is gone.
                 let ours = lease.job.is_some() && lease.job == mine.job;
-                if !ours && !self.is_dead(&name, text, pace) {
+                if !ours && !lease.left && !self.is_dead(&name, text, pace) {
                     return Ok(Asked::Busy(lease));
                 }
                 number + 1
@@ -123,6 +126,12 @@ impl Watch {
 }
 
 impl Held {
+    /// Leaves the unit to whoever comes next. What cannot be said is found out by waiting.
+    pub(super) fn leave(&mut self, remote: &Remote) {
+        self.lease = Lease { left: true, running: Vec::new(), ..self.lease.clone() };
+        remote.write_last_note(&self.name, serde_json::to_vec(&self.lease).expect("a lease is JSON"));
+    }
+
     /// Touches it, and says how far the work is.
     pub(super) fn touch(&mut self, remote: &Remote, done: usize, running: Vec<String>) -> Result<(), ClusterError> {
         self.lease = Lease { beats: self.lease.beats + 1, done, running, ..self.lease.clone() };
@@ -174,6 +183,14 @@ mod tests {
         assert_eq!(taken.attempt, 2);
         // To somebody who has not watched it the new one is as alive as any.
         assert!(asks(&mut Watch::default(), &remote, "c", None).is_none());
+    }
+
+    #[test]
+    fn what_was_left_is_free_at_once() {
+        let folder = tempfile::tempdir().expect("creates");
+        let remote = remote(folder.path());
+        asks(&mut Watch::default(), &remote, "a", None).expect("nobody has it").leave(&remote);
+        assert_eq!(asks(&mut Watch::default(), &remote, "b", None).expect("it is free").attempt, 2);
     }
 
     #[test]

@@ -89,7 +89,7 @@ impl<'a> Worker<'a> {
         number: usize,
         sink: &mut dyn FnMut(&Event),
     ) -> Result<Worked, ClusterError> {
-        let held = match self.watch.ask(self.remote, (job, number), &self.lease, self.pace)? {
+        let mut held = match self.watch.ask(self.remote, (job, number), &self.lease, self.pace)? {
             Asked::Busy(Lease { holder, .. }) => return Ok(Worked::Busy { holder }),
             Asked::Held(held) => held,
         };
@@ -98,8 +98,17 @@ impl<'a> Worker<'a> {
         }
         let unit = job.unit(self.remote, number)?;
         match self.gather(job, number, &unit)? {
-            Ok(made) => self.make(job, pipeline, (number, &unit, made), held, sink),
-            Err(needs) => Ok(Worked::Early { needs }),
+            Ok(made) => {
+                let worked = self.make(job, pipeline, (number, &unit, made), &mut held, sink);
+                if !matches!(worked, Ok(Worked::Done(_))) {
+                    held.leave(self.remote);
+                }
+                worked
+            }
+            Err(needs) => {
+                held.leave(self.remote);
+                Ok(Worked::Early { needs })
+            }
         }
     }
 
@@ -151,7 +160,7 @@ impl<'a> Worker<'a> {
         job: &Job,
         pipeline: &Pipeline,
         (number, unit, made): (usize, &Unit, Vec<Made>),
-        mut held: Held,
+        held: &mut Held,
         sink: &mut dyn FnMut(&Event),
     ) -> Result<Worked, ClusterError> {
         let (begun, cpu, requests) = (Instant::now(), cpu_seconds(), self.remote.requests());
@@ -168,7 +177,7 @@ impl<'a> Worker<'a> {
         let (progress, over) = (Mutex::new(Progress::default()), Condvar::new());
         let attempt = held.attempt;
         let report = std::thread::scope(|scope| {
-            scope.spawn(|| self.beat(&mut held, &progress, &over));
+            scope.spawn(|| self.beat(held, &progress, &over));
             let report = execute_share(pipeline, self.store, (&share, &told), &options, &mut |event| {
                 progress.lock().expect("nothing panics while it holds this lock").hear(event);
                 sink(event);

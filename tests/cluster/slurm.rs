@@ -105,6 +105,7 @@ fn a_node_that_is_lost_midway_costs_what_it_was_at() {
     assert_eq!(site.slurm.script(&["kill-node", "1", "now"]).code, Some(0));
     let said = Said::of(child.wait_with_output().expect("ends"));
     assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+    assert!(said.out.contains("was lost with its node, and Slurm has it started again"), "{}", said.out);
     let alone = Place::empty();
     alone.out(&[&["run", "tiny.yaml", "-q"], &more[..]].concat());
     assert_eq!(site.home.digests(), alone.digests());

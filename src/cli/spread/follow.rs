@@ -11,7 +11,7 @@ use super::super::how::{HowArgs, bars};
 use super::super::screen::Screen;
 use super::finish::finish;
 use super::note::Note;
-use crate::cluster::slurm::{Slurm, Tended};
+use crate::cluster::slurm::{Fate, Lost, Slurm, Tended};
 use crate::cluster::{Follower, Job, record};
 use crate::pipeline::event::Event;
 use crate::pipeline::execute::Failure;
@@ -121,13 +121,21 @@ impl Spread<'_> {
         }
         for lost in lost {
             let log = lost.log.as_deref().and_then(tail);
-            let what = format!("unit {} ended without its results: {}", lost.unit, lost.how);
-            if lost.again {
-                let log = log.map_or_else(String::new, |log| format!("; it printed: {}", log.replace('\n', " / ")));
-                bars.hear(&Event::Warning { node: None, message: format!("{what}; it is submitted again{log}") });
-            } else {
-                let node = format!("unit {}", lost.unit);
-                failures.push(Failure { node, message: format!("it {}", lost.how), help: log, damaged: false });
+            let Lost { unit, how, fate, .. } = lost;
+            match fate {
+                Fate::Restarted => {
+                    let message = format!("unit {unit} was lost with its node, and Slurm has it {how}");
+                    bars.hear(&Event::Warning { node: None, message });
+                }
+                Fate::Resubmitted => {
+                    let log = log.map_or_else(String::new, |log| format!("; it printed: {}", log.replace('\n', " / ")));
+                    let message = format!("unit {unit} ended without its results: {how}; it is submitted again{log}");
+                    bars.hear(&Event::Warning { node: None, message });
+                }
+                Fate::GivenUp => {
+                    let node = format!("unit {unit}");
+                    failures.push(Failure { node, message: format!("it {how}"), help: log, damaged: false });
+                }
             }
         }
         Ok(())

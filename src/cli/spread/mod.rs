@@ -1,5 +1,6 @@
 //! `run --on`: has workers on other machines make what is missing.
 
+mod extent;
 mod finish;
 mod follow;
 mod note;
@@ -15,15 +16,15 @@ use super::how::{HowArgs, bars};
 use super::request::age;
 use super::screen::Screen;
 use crate::cluster::slurm::{Site, Slurm, default_logs};
-use crate::cluster::{Job, Shelf, Submission, UnitHead, manifest, preview, record, submit};
+use crate::cluster::{Job, Shelf, Submission, manifest, preview, record, submit};
 use crate::pipeline::execute::{Failure, new_run};
 use crate::pipeline::forecast::foresee;
 use crate::pipeline::plan::{Plan, plan_with};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
 use crate::remote::Remote;
-use crate::report::amounts::seconds;
 use crate::store::{Run, RunStatus, Store};
+use extent::Extent;
 use finish::finish;
 use follow::{Spread, tell_begin, tell_hits};
 use note::{note_of, survey};
@@ -109,7 +110,7 @@ pub(super) fn spread(
         all: args.push_all,
     };
     if dry_run {
-        describe(&preview(&asked), None, screen)?;
+        Extent::of(&preview(&asked), &asked).tell(None, screen)?;
         return Ok((ExitCode::SUCCESS, None));
     }
     let (job, arrays, is_new) = match found {
@@ -125,7 +126,7 @@ pub(super) fn spread(
             }
         },
     };
-    describe(&job.units, Some(&job.id), screen)?;
+    Extent::of(&job.units, &asked).tell(Some(&job.id), screen)?;
     let mut spread = Spread {
         pipeline,
         job: &job,
@@ -144,7 +145,7 @@ pub(super) fn spread(
         }
         spread.note.arrays.clone_from(&slurm.arrays);
         spread.slurm = Some(slurm);
-    } else if is_new {
+    } else if is_new && args.on == Some(Where::Workers) {
         let (address, id) = (remote.address(), &job.id);
         screen.advise(format!("start workers wherever you like: trodden worker --remote {address} --run {id}"));
     }
@@ -168,34 +169,6 @@ pub(super) fn spread(
         return Ok((ExitCode::SUCCESS, None));
     }
     spread.follow((how, keep), cancelled, screen)
-}
-
-/// Says what is submitted.
-fn describe(units: &[UnitHead], id: Option<&str>, screen: &Screen) -> Result<(), CliError> {
-    let waves = units.iter().map(|unit| unit.wave + 1).max().unwrap_or(0);
-    let tasks: usize = units.iter().map(|unit| unit.tasks).sum();
-    let work: f64 = units.iter().map(|unit| unit.seconds).sum();
-    let longest: f64 = (0..waves)
-        .map(|wave| units.iter().filter(|unit| unit.wave == wave).map(|unit| unit.seconds).fold(0.0, f64::max))
-        .sum();
-    if screen.json() {
-        return screen.object(&serde_json::json!({
-            "event": "job", "id": id, "units": units.len(), "waves": waves, "tasks": tasks, "work_s": work, "critical_s": longest,
-        }));
-    }
-    let run = id.map_or_else(|| "it would be".to_owned(), |id| format!("run {id}:"));
-    let text = format!(
-        "{run} {tasks} nodes in {} units, {waves} waves; about {} of work, {} at least",
-        units.len(),
-        seconds(work),
-        seconds(longest)
-    );
-    if id.is_some() {
-        screen.remark(text)
-    } else {
-        screen.line(text)?
-    }
-    Ok(())
 }
 
 /// Returns the command that does a unit on a node.

@@ -50,6 +50,17 @@ pub struct Slurm {
     pub arrays: Vec<Array>,
 }
 
+/// What becomes of a unit whose task was lost.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Fate {
+    /// Slurm has started the task again, because its node was lost or wanted for something else.
+    Restarted,
+    /// It was submitted again.
+    Resubmitted,
+    /// Nobody tries it any more.
+    GivenUp,
+}
+
 /// A task that ended without its unit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Lost {
@@ -57,8 +68,8 @@ pub struct Lost {
     pub unit: usize,
     /// How it ended.
     pub how: String,
-    /// Whether it was submitted again.
-    pub again: bool,
+    /// What becomes of the unit.
+    pub fate: Fate,
     /// What it printed, if that can be read here.
     pub log: Option<PathBuf>,
 }
@@ -151,6 +162,12 @@ impl Slurm {
         for (unit, (number, index)) in newest {
             let array = &self.arrays[number];
             let state = states.get(&(array.id, index));
+            if let Some(state) = state
+                && state.restarts > tended.restarts.insert(unit, state.restarts).unwrap_or(0)
+            {
+                let how = format!("started again, {} times so far", state.restarts);
+                lost.push(Lost { unit, how, fate: Fate::Restarted, log: None });
+            }
             let is_alive = state.is_some_and(|state| matches!(state.state, State::Pending | State::Running));
             if ended(unit) || is_alive || tended.given_up.contains(&unit) {
                 continue;
@@ -177,7 +194,8 @@ impl Slurm {
             } else {
                 tended.given_up.insert(unit);
             }
-            lost.push(Lost { unit, how, again: retry, log });
+            let fate = if retry { Fate::Resubmitted } else { Fate::GivenUp };
+            lost.push(Lost { unit, how, fate, log });
         }
         for (memory, units) in again {
             let (with, without): (Vec<usize>, Vec<usize>) = units.iter().partition(|unit| job.units[**unit].gpu);
@@ -201,6 +219,7 @@ impl Slurm {
 #[derive(Debug, Default)]
 pub struct Tended {
     tries: BTreeMap<usize, u32>,
+    restarts: BTreeMap<usize, u32>,
     /// Units that nobody tries any more.
     pub given_up: BTreeSet<usize>,
 }

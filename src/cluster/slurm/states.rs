@@ -33,6 +33,8 @@ pub struct TaskState {
     pub word: String,
     /// The wait status of its process.
     pub status: i32,
+    /// How often Slurm has started it again, because its node was lost or wanted for something else.
+    pub restarts: u32,
     /// Where it runs or ran.
     pub node: String,
     /// Why it is as it is.
@@ -89,8 +91,9 @@ pub(super) fn read(text: &str) -> BTreeMap<(u64, usize), TaskState> {
         let (id, index) = (fields.next()?.parse().ok()?, fields.next()?.parse().ok()?);
         let word = fields.next()?.to_owned();
         let status = fields.next()?.parse().ok()?;
-        let (_restarts, node, reason) = (fields.next()?, fields.next()?.to_owned(), fields.next()?.to_owned());
-        Some(((id, index), TaskState { state: state(&word), word, status, node, reason }))
+        let restarts = fields.next()?.parse().unwrap_or(0);
+        let (node, reason) = (fields.next()?.to_owned(), fields.next()?.to_owned());
+        Some(((id, index), TaskState { state: state(&word), word, status, restarts, node, reason }))
     };
     text.lines().filter_map(line).collect()
 }
@@ -107,7 +110,7 @@ mod tests {
         assert_eq!(states.len(), 5);
         let of = |array, index| &states[&(array, index)];
         assert_eq!((of(2, 0).state, of(2, 0).is_final()), (State::Cancelled, true));
-        assert_eq!((of(2, 1).state, of(2, 1).node.as_str()), (State::Running, "n1"));
+        assert_eq!((of(2, 1).state, of(2, 1).node.as_str(), of(2, 1).restarts), (State::Running, "n1", 1));
         assert_eq!((of(2, 2).state, of(2, 2).reason.as_str()), (State::Pending, "Dependency, a|b"));
         assert_eq!((of(3, 0).told().as_str(), of(3, 0).is_starved()), ("failed on n3, by signal 9", true));
         assert_eq!((of(3, 1).told().as_str(), of(3, 1).is_final()), ("failed on n3, exit code 5", true));
