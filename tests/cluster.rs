@@ -246,8 +246,14 @@ fn whoever_waits_may_leave_and_come_back() {
     assert_eq!(said.code, Some(130), "{}{}", said.out, said.err);
     assert!(said.err.contains("the same command waits for it again"), "{}", said.err);
     let id = jobs()[0].file_name().into_string().expect("is text");
+    let mut command = shared.command(&home, &["status", "--follow", "--json"]);
+    let follow = command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("starts");
     let said = shared.run(&Place::empty(), &["worker", "--run", &id]);
     assert_eq!(said.code, Some(0), "{}", said.err);
+    let said = Said::of(follow.wait_with_output().expect("ends"));
+    assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+    let last: Value = serde_json::from_str(said.out.lines().last().expect("events")).expect("is JSON");
+    assert_eq!((&last["id"], &last["status"], &last["failed"]), (&id.as_str().into(), &"finished".into(), &0.into()));
     let events = shared.events(&home, 0, &SPREAD);
     assert_eq!(events.last().expect("the end")["id"], id.as_str());
     assert_eq!(jobs().len(), 1);

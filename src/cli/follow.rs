@@ -2,14 +2,12 @@
 
 use std::collections::BTreeSet;
 use std::process::ExitCode;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use super::error::CliError;
 use super::how::bars;
 use super::screen::Screen;
-use super::signals;
 use crate::pipeline::event::{Counts, Event};
 use crate::report::bars::Bars;
 use crate::store::{NodeName, Run, RunStatus, Store};
@@ -18,9 +16,12 @@ use crate::store::{NodeName, Run, RunStatus, Store};
 const EVERY: Duration = Duration::from_millis(300);
 
 /// Follows a run, or the newest that goes on, to its end; returns what the run's exit code is.
-pub(super) fn follow(store: &Store, id: Option<&str>, screen: &Screen) -> Result<ExitCode, CliError> {
-    let stop = Arc::new(AtomicBool::new(false));
-    signals::listen(&stop);
+pub(super) fn follow(
+    store: &Store,
+    id: Option<&str>,
+    stop: &AtomicBool,
+    screen: &Screen,
+) -> Result<ExitCode, CliError> {
     let id = match id {
         Some(id) => store.run(id)?.id,
         None => store.runs()?.into_iter().find(|run| run.status == RunStatus::Running).map(|run| run.id).ok_or_else(

@@ -1,11 +1,14 @@
 //! Hears Ctrl-C, `kill` and the end of the terminal.
 
 use std::sync::Arc;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
 
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 
+/// How often it is looked whether to stop.
+const LISTEN: Duration = Duration::from_millis(50);
 /// The exit code of a program that was interrupted.
 const INTERRUPTED: i32 = 130;
 
@@ -23,6 +26,15 @@ pub(super) fn listen(stop: &Arc<AtomicBool>) {
         let _ = flag::register_conditional_shutdown(signal, INTERRUPTED, Arc::clone(stop))
             .and_then(|_| flag::register(signal, Arc::clone(stop)));
     }
+}
+
+/// Waits, unless a flag is set meanwhile; tells whether to go on.
+pub(super) fn wait(time: Duration, stop: &AtomicBool) -> bool {
+    let begun = Instant::now();
+    while begun.elapsed() < time && !stop.load(Ordering::Relaxed) {
+        std::thread::sleep(LISTEN.min(time));
+    }
+    !stop.load(Ordering::Relaxed)
 }
 
 /// Tells whether the program was started with a signal ignored; where the system does not say so, the hang-up is taken to be.

@@ -2,20 +2,25 @@
 
 use std::path::Path;
 use std::process::ExitCode;
+use std::sync::Arc;
+use std::sync::atomic::AtomicBool;
 
 use clap_complete::engine::ArgValueCompleter;
 
 use super::complete;
 use super::error::CliError;
 use super::follow::follow;
+use super::remote_args::RemoteArgs;
 use super::runs::run_table;
 use super::screen::{Screen, bytes};
+use super::signals;
+use super::spread::follow_elsewhere;
 use crate::store::{RunStatus, RunSummary, Store};
 
 /// Arguments of `status`.
 #[derive(Debug, clap::Args)]
 #[command(
-    after_help = "`--follow` shows a run that goes on in another process until it ends: which nodes are done with, by the record that it writes every few seconds. Ctrl-C ends the looking, not the run.
+    after_help = "`--follow` shows a run that goes on in another process until it ends: which nodes are done with, by the record that it writes every few seconds. Ctrl-C ends the looking, not the run. With a shared store it also follows a run that workers elsewhere make (`run --on`), if none goes on here.
 
 Examples:
   trodden status
@@ -32,13 +37,24 @@ pub struct Args {
     /// Follow this run: its id, the beginning of it, or a tag.
     #[arg(long, value_name = "ID", requires = "follow", add = ArgValueCompleter::new(complete::runs))]
     run: Option<String>,
+    #[command(flatten)]
+    remote: RemoteArgs,
 }
 
 impl Args {
     pub(super) fn run(&self, store: &Path, screen: &Screen) -> Result<ExitCode, CliError> {
         let store = Store::open_existing(store)?;
         if self.follow {
-            return follow(&store, self.run.as_deref(), screen);
+            let stop = Arc::new(AtomicBool::new(false));
+            signals::listen(&stop);
+            let is_here = match &self.run {
+                Some(id) => store.run(id).is_ok(),
+                None => store.runs()?.iter().any(|run| run.status == RunStatus::Running),
+            };
+            return match self.remote.open(None, &stop)?.filter(|_| !is_here) {
+                Some(remote) => follow_elsewhere(self.run.as_deref(), (&store, &remote), &stop, screen),
+                None => follow(&store, self.run.as_deref(), &stop, screen),
+            };
         }
         let mut newest: Vec<RunSummary> = Vec::new();
         for run in store.runs()? {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde_json::json;
 
@@ -27,8 +27,6 @@ use crate::store::{Digest, Store, read_bounded};
 const EVERY: Duration = Duration::from_millis(500);
 /// How long files must stay as they are before a run: editors and copies write in several steps.
 const SETTLED: Duration = Duration::from_millis(250);
-/// How often it is looked whether to stop.
-const LISTEN: Duration = Duration::from_millis(50);
 /// The most bytes of a pipeline file that are compared.
 const LARGEST: u64 = 16 << 20;
 /// The most files that are told to have changed.
@@ -93,7 +91,9 @@ impl Args {
                     if look.files.len() == 1 { "1 file".to_owned() } else { format!("{} files", look.files.len()) };
                 screen.remark(format!("watching {files}; Ctrl-C ends it"));
             }
-            let Some(next) = self.next(&look, (&file, register, root), &stopped)? else { return Ok(ExitCode::SUCCESS) };
+            let Some(next) = self.next(&look, (&file, register, root), &cancelled)? else {
+                return Ok(ExitCode::SUCCESS);
+            };
             tell(&changed(&look.files, &next.files), screen)?;
             look = next;
         }
@@ -104,12 +104,12 @@ impl Args {
         &self,
         now: &Look,
         (file, register, root): (&Path, &Register, &Path),
-        stopped: &dyn Fn() -> bool,
+        stop: &AtomicBool,
     ) -> Result<Option<Look>, CliError> {
         // One for all looks: it knows of files that have not changed without reading them.
         let known = Known::at(root)?;
         loop {
-            if !pause(EVERY, stopped) {
+            if !signals::wait(EVERY, stop) {
                 return Ok(None);
             }
             let mut next = self.look(file, register, &known)?;
@@ -117,7 +117,7 @@ impl Args {
                 continue;
             }
             loop {
-                if !pause(SETTLED, stopped) {
+                if !signals::wait(SETTLED, stop) {
                     return Ok(None);
                 }
                 let later = self.look(file, register, &known)?;
@@ -150,18 +150,6 @@ impl Args {
         });
         Ok(Look { files, pipeline })
     }
-}
-
-/// Waits for a while; returns whether to go on.
-fn pause(time: Duration, stopped: &dyn Fn() -> bool) -> bool {
-    let begun = Instant::now();
-    while begun.elapsed() < time {
-        if stopped() {
-            return false;
-        }
-        std::thread::sleep(LISTEN);
-    }
-    true
 }
 
 /// Says what is wrong with the file, as `check` does.

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Duration, Instant};
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
 
 use serde_json::json;
 
@@ -23,8 +23,6 @@ use crate::store::{Outcome, Store};
 const REFUSED: u8 = 5;
 /// The exit code of one that could not do its unit now: another one has it, it is too early, or it was told to stop.
 const LATER: u8 = 75;
-/// How often it is looked whether to stop.
-const LISTEN: Duration = Duration::from_millis(50);
 /// The most nodes of which it is told what differs.
 const SHOWN: usize = 5;
 
@@ -139,7 +137,7 @@ impl Args {
             }
             // What others have is looked at again, ever more seldom.
             pause = if idle { (pause * 2).clamp(self.beat / 8, self.beat) } else { Duration::ZERO };
-            if !rest(pause, &stop) {
+            if !signals::wait(pause, &stop) {
                 return Ok(ExitCode::from(LATER));
             }
         }
@@ -225,18 +223,6 @@ fn refuse(job: &Job, unit: usize, mismatches: &[Mismatch], screen: &Screen) -> E
     };
     screen.error(&message, Some(help), REFUSED);
     ExitCode::from(REFUSED)
-}
-
-/// Waits; tells whether to go on.
-fn rest(wait: Duration, stop: &AtomicBool) -> bool {
-    let begun = Instant::now();
-    while begun.elapsed() < wait {
-        if stop.load(Ordering::Relaxed) {
-            return false;
-        }
-        std::thread::sleep(LISTEN.min(wait));
-    }
-    !stop.load(Ordering::Relaxed)
 }
 
 /// Returns who this worker is, and what Slurm would start again in its place.

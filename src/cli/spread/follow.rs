@@ -3,12 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 use std::process::ExitCode;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
 use super::super::error::CliError;
 use super::super::how::{HowArgs, bars};
 use super::super::screen::Screen;
+use super::super::signals;
 use super::finish::finish;
 use super::note::Note;
 use crate::cluster::slurm::{Fate, Lost, Slurm, Tended};
@@ -22,12 +23,10 @@ use crate::report::bars::Bars;
 use crate::store::{NodeName, Outcome, Run, RunStatus, Store};
 
 /// How often it is looked for ends, and how often a scheduler is asked.
-const LOOK: Duration = Duration::from_secs(1);
+pub(super) const LOOK: Duration = Duration::from_secs(1);
 const ASK: Duration = Duration::from_secs(3);
 /// How many units are looked at for what is at work in them.
 const SEEN: usize = 16;
-/// How often it is looked whether to stop.
-const LISTEN: Duration = Duration::from_millis(50);
 /// The last lines of a lost task's output that are shown.
 const TAIL: usize = 5;
 
@@ -95,7 +94,7 @@ impl Spread<'_> {
             }
             // Looking costs a request for each thousand units.
             let pause = LOOK * u32::try_from(1 + self.job.units.len() / 500).unwrap_or(u32::MAX);
-            if !wait(pause, cancelled) {
+            if !signals::wait(pause, cancelled) {
                 return self.leave(bars, screen);
             }
         };
@@ -218,16 +217,4 @@ fn tail(path: &Path) -> Option<String> {
     let lines: Vec<&str> = text.lines().filter(|line| !line.trim().is_empty()).collect();
     let last = lines[lines.len().saturating_sub(TAIL)..].join("\n");
     (!last.is_empty()).then_some(last)
-}
-
-/// Waits; tells whether to go on.
-fn wait(time: Duration, stop: &AtomicBool) -> bool {
-    let begun = Instant::now();
-    while begun.elapsed() < time {
-        if stop.load(Ordering::Relaxed) {
-            return false;
-        }
-        std::thread::sleep(LISTEN);
-    }
-    !stop.load(Ordering::Relaxed)
 }

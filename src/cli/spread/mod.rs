@@ -1,5 +1,6 @@
 //! `run --on`: has workers on other machines make what is missing.
 
+mod elsewhere;
 mod extent;
 mod finish;
 mod follow;
@@ -24,6 +25,7 @@ use crate::pipeline::selection::Selection;
 use crate::pipeline::spec::{Pipeline, check_sources};
 use crate::remote::Remote;
 use crate::store::{Run, RunStatus, Store};
+pub(super) use elsewhere::follow_elsewhere;
 use extent::Extent;
 use finish::finish;
 use follow::{Spread, tell_begin, tell_hits};

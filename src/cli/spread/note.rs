@@ -23,6 +23,14 @@ pub(super) struct Note {
     pub over: bool,
 }
 
+impl Note {
+    /// Reads that of a job; `None` if it is not there, or none that this version understands.
+    pub(super) fn read(remote: &Remote, id: &str) -> Result<Option<Self>, CliError> {
+        let text = remote.note(&format!("{id}/state.json"))?;
+        Ok(text.and_then(|text| serde_json::from_slice(&text).ok()))
+    }
+}
+
 /// Looks at the newest jobs of the pipeline: finds one of the same that has not ended, and takes what others have made and is
 /// not on record here to the shelf.
 pub(super) fn survey(
@@ -34,8 +42,7 @@ pub(super) fn survey(
 ) -> Result<Option<(Job, Note)>, CliError> {
     let mine = note_of(pipeline, selection, Vec::new());
     for id in remote.note_folders()?.into_iter().rev().take(RECENT) {
-        let Some(text) = remote.note(&format!("{id}/state.json"))? else { continue };
-        let Ok(note) = serde_json::from_slice::<Note>(&text) else { continue };
+        let Some(note) = Note::read(remote, &id)? else { continue };
         if note.pipeline != mine.pipeline {
             continue;
         }
