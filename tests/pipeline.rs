@@ -85,16 +85,21 @@ impl Place {
 
 static NEVER: AtomicBool = AtomicBool::new(false);
 
-/// Runs a pipeline and keeps what it said.
-pub fn run<'a>(store: &Store, pipeline: &Pipeline, change: impl FnOnce(&mut Options<'a>)) -> Seen {
-    let mut options = Options {
+/// Asks for everything, with two jobs.
+pub fn options<'a>() -> Options<'a> {
+    Options {
         jobs: 2,
         memory: 1 << 30,
         keep_going: false,
         selection: Selection::default(),
         remote: None,
         cancelled: &NEVER,
-    };
+    }
+}
+
+/// Runs a pipeline and keeps what it said.
+pub fn run<'a>(store: &Store, pipeline: &Pipeline, change: impl FnOnce(&mut Options<'a>)) -> Seen {
+    let mut options = options();
     change(&mut options);
     let mut events = Vec::new();
     let report = execute(pipeline, store, &options, &mut |event| events.push(event.clone()));

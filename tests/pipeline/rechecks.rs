@@ -11,17 +11,10 @@ use trodden::pipeline::spec::Pipeline;
 use trodden::store::RunStatus;
 
 use super::runs::remove;
-use super::{HOMES, NEVER, NODES, Place, pipeline};
+use super::{HOMES, NODES, Place, options, pipeline};
 
 fn check(place: &Place, pipeline: &Pipeline, sample: &Sample) -> RecheckReport {
-    let options = Options {
-        jobs: 2,
-        memory: 1 << 30,
-        keep_going: true,
-        selection: Selection::default(),
-        remote: None,
-        cancelled: &NEVER,
-    };
+    let options = Options { keep_going: true, ..options() };
     let mut told = 0;
     let report = recheck(pipeline, &place.store, sample, &options, &mut |event| {
         told += usize::from(matches!(event, Event::Checked { .. }));
@@ -126,14 +119,7 @@ fn what_is_not_on_record_is_said() {
     let report = check(&place, &homes, &named(&["labels"]));
     assert_eq!(report.checked.iter().map(|checked| checked.node.as_str()).collect::<Vec<_>>(), ["labels/home_00"]);
     assert_eq!(report.unmade.len(), 4);
-    let options = Options {
-        jobs: 1,
-        memory: 1 << 30,
-        keep_going: true,
-        selection: Selection::default(),
-        remote: None,
-        cancelled: &NEVER,
-    };
+    let options = Options { jobs: 1, keep_going: true, ..options() };
     let error = recheck(&homes, &place.store, &named(&["heat"]), &options, &mut |_| ()).expect_err("nothing is there");
     assert_eq!(error.to_string(), "nothing of what was to be checked is on record");
 }

@@ -8,7 +8,7 @@ use trodden::pipeline::selection::Selection;
 use trodden::pipeline::why;
 use trodden::store::Outcome;
 
-use super::{HOMES, NEVER, NODES, Place, pipeline};
+use super::{HOMES, NODES, Place, options, pipeline};
 
 fn words(words: &[&str]) -> Vec<String> {
     words.iter().map(|word| (*word).to_owned()).collect()
@@ -169,7 +169,7 @@ fn what_is_forced_must_be_asked_for() {
     let selection = Selection { only: words(&["labels"]), force: words(&["heat"]), ..Selection::default() };
     let error = plan(&pipeline(HOMES, &[]), &place.store, &selection).expect_err("is not asked for");
     assert_eq!(error.to_string(), "`heat` is to be made again, but is no part of what was asked for");
-    let options = Options { jobs: 1, memory: 1 << 30, keep_going: false, selection, remote: None, cancelled: &NEVER };
+    let options = Options { selection, ..options() };
     assert!(execute(&pipeline(HOMES, &[]), &place.store, &options, &mut |_| ()).is_err());
     let forced = Selection { force: words(&["labels"]), ..Selection::default() };
     let seen = place.run_with(&pipeline(HOMES, &[]), |options| options.selection = forced);

@@ -9,7 +9,7 @@ use trodden::pipeline::share::{Given, Share, ShareError, told};
 use trodden::pipeline::spec::Pipeline;
 use trodden::store::{NodeName, Outcome, Recipe, Store};
 
-use super::{HOMES, NEVER, Place, pipeline};
+use super::{HOMES, Place, options, pipeline};
 
 /// Divides a pipeline of which a store has a part: everything else is one share, or what `mine` says of it.
 fn divide(pipeline: &Pipeline, store: &Store, mine: impl Fn(&str) -> bool) -> (Share, BTreeMap<NodeName, Recipe>) {
@@ -42,14 +42,7 @@ fn make(
     store: &Store,
     share: &(Share, BTreeMap<NodeName, Recipe>),
 ) -> Result<RunReport, ShareError> {
-    let options = Options {
-        jobs: 2,
-        memory: 1 << 30,
-        keep_going: true,
-        selection: Selection::default(),
-        remote: None,
-        cancelled: &NEVER,
-    };
+    let options = Options { keep_going: true, ..options() };
     execute_share(pipeline, store, (&share.0, &share.1), &options, &mut |_| {})
 }
 

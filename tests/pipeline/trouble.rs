@@ -13,7 +13,7 @@ use trodden::store::{Outcome, RunStatus};
 use proptest::prelude::*;
 
 use super::runs::remove;
-use super::{HOMES, NODES, Place, Seen, pipeline, read_in};
+use super::{HOMES, NODES, Place, Seen, options, pipeline, read_in};
 
 #[test]
 fn what_needs_a_failed_node_is_skipped_and_nothing_new_starts() {
@@ -63,14 +63,7 @@ fn keep_going_runs_the_rest_but_feeds_nobody_half_a_group() {
 fn an_interrupted_run_stops_soon_and_the_next_goes_on() {
     let place = Place::new();
     let cancelled = AtomicBool::new(false);
-    let options = Options {
-        jobs: 2,
-        memory: 1 << 30,
-        keep_going: false,
-        selection: Selection::default(),
-        remote: None,
-        cancelled: &cancelled,
-    };
+    let options = Options { cancelled: &cancelled, ..options() };
     let mut sink = |event: &Event| {
         if matches!(event, Event::NodeStarted { node, .. } if node == "model/epoch-02") {
             cancelled.store(true, Ordering::Relaxed);
@@ -154,14 +147,7 @@ fn a_source_file_that_changes_meanwhile_is_an_error() {
     let file = place.folder.path().join("flat.yaml");
     let text = "maps: { all: { files: flat.pgm } }\nstages:\n  walks: { use: walk, map: $maps }\n";
     let flat = read_in(&file, text, &[]).unwrap_or_else(|error| panic!("{error}"));
-    let options = Options {
-        jobs: 1,
-        memory: 1 << 30,
-        keep_going: false,
-        selection: Selection::default(),
-        remote: None,
-        cancelled: &super::NEVER,
-    };
+    let options = Options { jobs: 1, ..options() };
     let mut sink = |event: &Event| {
         if matches!(event, Event::RunStarted { .. }) {
             fs::write(&image, "P2 1 2").expect("the file is there");
