@@ -155,6 +155,27 @@ fn a_worker_that_would_make_something_else_refuses() {
 }
 
 #[test]
+fn a_variable_that_a_worker_lacks_is_named() {
+    let (home, shared) = (Place::empty(), Shared::new());
+    home.write(
+        "env.yaml",
+        "stages:\n  say: { use: command, run: [sh, -c, \"echo $WHAT > {output}/said\"], env: [WHAT], output: files }\n",
+    );
+    let submit = ["run", "env.yaml", "--on", "workers", "--detach", "--json"];
+    let said = Said::of(shared.command(&home, &submit).env("WHAT", "loud").output().expect("starts"));
+    assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+    let last: Value = serde_json::from_str(said.out.lines().last().expect("an id")).expect("is JSON");
+    let words = ["worker", "--run", last["id"].as_str().expect("is text")];
+    let elsewhere = Place::empty();
+    let said = Said::of(shared.command(&elsewhere, &words).env_remove("WHAT").output().expect("starts"));
+    assert_eq!(said.code, Some(5), "{}{}", said.out, said.err);
+    assert!(said.err.contains("env:WHAT loud there, nothing here"), "{}", said.err);
+    assert!(said.err.contains("set these variables where the worker runs"), "{}", said.err);
+    let said = Said::of(shared.command(&elsewhere, &words).env("WHAT", "loud").output().expect("starts"));
+    assert_eq!(said.code, Some(0), "{}{}", said.out, said.err);
+}
+
+#[test]
 fn a_worker_that_dies_costs_what_it_was_at() {
     let (home, shared) = (Place::empty(), Shared::new());
     let more = ["--set", "walks.duration=400", "--set", "walks.episodes=60"];

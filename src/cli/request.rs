@@ -76,7 +76,8 @@ pub fn file(named: Option<&Path>) -> Result<PathBuf, CliError> {
     Ok(named.to_owned())
 }
 
-fn variables() -> BTreeMap<String, String> {
+/// Returns the variables of the environment that are text.
+pub fn variables() -> BTreeMap<String, String> {
     let text = |value: std::ffi::OsString| value.into_string().ok();
     std::env::vars_os().filter_map(|(name, value)| Some((text(name)?, text(value)?))).collect()
 }

@@ -11,7 +11,7 @@ use serde_json::json;
 use super::error::CliError;
 use super::how::{HowArgs, bars, jobs, positive};
 use super::remote_args::RemoteArgs;
-use super::request::age;
+use super::request::{age, variables};
 use super::screen::Screen;
 use super::signals;
 use crate::cluster::{End, Job, Pace, Place, Worked, Worker};
@@ -91,7 +91,7 @@ impl Args {
         let own = scratch.path().join("store");
         let store = Store::open_until(named.unwrap_or(&own), &stop)?;
         let place = Place::new(&job, &remote, &store, scratch.path())?;
-        let pipeline = place.load(&job, register)?;
+        let pipeline = place.load(&job, variables(), register)?;
         let mut worker = Worker::new((&remote, &store), limits, identity(), Pace::of(self.beat), &stop);
         let mut bars = bars(screen);
         let mut tally = Tally::default();
@@ -213,13 +213,14 @@ fn refuse(job: &Job, unit: usize, mismatches: &[Mismatch], screen: &Screen) -> E
         job.id,
         lines.join("; ")
     );
-    let environment = mismatches.iter().flat_map(|mismatch| &mismatch.differences);
-    let help = if environment.clone().count() > 0
-        && environment.clone().all(|difference| difference.what.starts_with("environment."))
-    {
-        "run it where the environment is the same, or pin it in the pipeline: `simd: portable` gives the same bytes everywhere"
-    } else {
+    let differing = mismatches.iter().flat_map(|mismatch| &mismatch.differences);
+    let all = |prefix: &str| differing.clone().all(|difference| difference.what.starts_with(prefix));
+    let help = if differing.clone().count() == 0 || !all("environment.") {
         "run the program that submitted it, on the files that went along"
+    } else if all("environment.env:") {
+        "set these variables where the worker runs as they were where it was submitted"
+    } else {
+        "run it where the environment is the same, or pin it in the pipeline: `simd: portable` gives the same bytes everywhere"
     };
     screen.error(&message, Some(help), REFUSED);
     ExitCode::from(REFUSED)

@@ -1,5 +1,6 @@
 //! A folder in which a pipeline finds its file and its sources as they were when it was submitted.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Component, Path, PathBuf};
 
@@ -35,12 +36,19 @@ impl Place {
         Ok(Self { _root: root, file })
     }
 
-    /// Reads the pipeline as it is here.
+    /// Reads the pipeline as it is here: with the variables of the environment here, but those that the text names as they
+    /// were where it was submitted.
     ///
     /// # Errors
     /// If this program does not understand it.
-    pub fn load(&self, job: &Job, register: &Register) -> Result<Pipeline, ClusterError> {
-        let request = Request::new(&self.file, &job.sets, &job.variables, register);
+    pub fn load(
+        &self,
+        job: &Job,
+        mut variables: BTreeMap<String, String>,
+        register: &Register,
+    ) -> Result<Pipeline, ClusterError> {
+        variables.extend(job.variables.clone());
+        let request = Request::new(&self.file, &job.sets, &variables, register);
         Ok(spec::parse(&job.text, &Request { axes: &job.run.axes, sample: job.sample, ..request })?)
     }
 }
