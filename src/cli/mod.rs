@@ -336,3 +336,20 @@ fn dispatch(cli: &Cli, register: &Register, screen: &Screen) -> Result<ExitCode,
         Command::Version(args) => args.run(screen),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+
+    #[test]
+    fn no_two_arguments_of_a_command_have_one_id() {
+        for command in Cli::command().get_subcommands() {
+            let mut seen = BTreeSet::new();
+            for argument in command.get_arguments() {
+                assert!(seen.insert(argument.get_id().as_str()), "`{}` of `{}`", argument.get_id(), command.get_name());
+            }
+        }
+    }
+}

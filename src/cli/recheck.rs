@@ -24,9 +24,9 @@ pub struct CheckArgs {
     names: Vec<String>,
     /// As `--check`, for a share (`5%`) of all nodes and parts that are on record.
     #[arg(long = "check-sample", value_name = "SHARE", value_parser = share, conflicts_with = "names", conflicts_with_all = SELECTING)]
-    sample: Option<f64>,
+    share: Option<f64>,
     /// What the draw of `--check-sample` starts from: another seed, another sample.
-    #[arg(long = "check-seed", value_name = "SEED", default_value_t = 0, requires = "sample")]
+    #[arg(long = "check-seed", value_name = "SEED", default_value_t = 0, requires = "share")]
     seed: u64,
 }
 
@@ -42,7 +42,7 @@ fn share(text: &str) -> Result<f64, String> {
 impl CheckArgs {
     /// Returns what is to be checked, if something is.
     pub(super) fn sample(&self) -> Option<Sample> {
-        let share = self.sample.map(|share| Sample::Share { share, seed: self.seed });
+        let share = self.share.map(|share| Sample::Share { share, seed: self.seed });
         share.or_else(|| (!self.names.is_empty()).then(|| Sample::Named(self.names.clone())))
     }
 }

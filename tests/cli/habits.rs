@@ -130,6 +130,8 @@ fn options_of_all_commands_are_taken_everywhere() {
     assert!(place.run(&swept).err.contains("2 variants"));
     assert_eq!(place.run(&[&swept[..], &["--quiet"]].concat()).err, "");
     assert_eq!(place.run(&[&["-q"], &swept[..]].concat()).err, "");
+    let drawn = [&swept[..], &["model.seed=1..9", "--sample", "3"]].concat();
+    assert!(place.run(&drawn).err.contains("3 variants"));
     let said = place.refused(2, &["-C", "nowhere", "status"]);
     assert!(said.contains("failed to go into `nowhere`"), "{said}");
     let colored = |variables: &[(&str, &str)], words: &[&str]| {

@@ -47,7 +47,7 @@ pub enum Where {
 #[command(next_help_heading = "On other machines")]
 pub struct SpreadArgs {
     /// Have others make it, over a shared store: `slurm`, `kubernetes` (submits and prints a manifest), or `workers` that you start with `trodden worker`.
-    #[arg(long, value_name = "WHERE", value_enum, hide_possible_values = true, conflicts_with_all = ["names", "sample", "force"])]
+    #[arg(long, value_name = "WHERE", value_enum, hide_possible_values = true, conflicts_with_all = ["names", "share", "force"])]
     on: Option<Where>,
     /// About how long a unit of work is to last on one core.
     #[arg(long, value_name = "TIME", value_parser = age, default_value = "10m", requires = "on")]
