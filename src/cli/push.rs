@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 
 use super::error::CliError;
 use super::remote_args::RemoteArgs;
-use super::request::{find_run, load};
+use super::request::find_run;
 use super::screen::{Screen, bytes};
 use super::signals;
 use super::transfer::{Item, Moved, Targets, each, of_run, tally, tell};
@@ -43,7 +43,7 @@ pub struct Args {
 
 impl Args {
     pub(super) fn run(&self, register: &Register, place: &StorePlace, screen: &Screen) -> Result<ExitCode, CliError> {
-        let pipeline = self.targets.file().map(|file| load(&file, &self.targets.sets, register)).transpose()?;
+        let pipeline = self.targets.load(register)?;
         let stop = Arc::new(AtomicBool::new(false));
         let remote = self.remote.need(pipeline.as_ref(), &stop)?;
         let store = Store::open_existing(&self.targets.store(place))?;

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
 use super::error::CliError;
+use super::upward::variable;
 use crate::pipeline::spec::Pipeline;
 use crate::remote::Remote;
 
@@ -32,8 +33,8 @@ impl RemoteArgs {
         if self.no_remote {
             return Ok(None);
         }
-        let variable = || std::env::var(VARIABLE).ok().filter(|address| !address.is_empty());
-        if let Some(address) = self.remote.clone().or_else(variable) {
+        let named = || variable(VARIABLE)?.into_string().ok();
+        if let Some(address) = self.remote.clone().or_else(named) {
             return Ok(Some(Remote::open(&address, Path::new(""), false, stop)?));
         }
         let named = pipeline.and_then(|pipeline| Some((pipeline.file.parent()?, pipeline.remote.as_ref()?)));

@@ -7,9 +7,12 @@ use clap_complete::engine::ArgValueCompleter;
 
 use super::complete;
 use super::error::CliError;
+use super::request::load;
 use super::screen::Screen;
 use super::upward::StorePlace;
 use crate::pipeline::meaning::find_named;
+use crate::pipeline::spec::Pipeline;
+use crate::pipeline::stage::Register;
 use crate::remote::{Remote, RemoteError};
 use crate::report::bars::WorkBar;
 use crate::store::{Artifact, Key, NodeName, Role, Run, RunNode, StoreError};
@@ -23,7 +26,7 @@ pub(super) struct Targets {
     names: Vec<String>,
     /// Override a value of the file.
     #[arg(long = "set", value_name = "PATH=VALUE", conflicts_with = "run")]
-    pub sets: Vec<String>,
+    sets: Vec<String>,
     /// Of this run: its id, the beginning of it, or `latest`.
     #[arg(long, value_name = "ID", add = ArgValueCompleter::new(complete::runs))]
     pub run: Option<String>,
@@ -31,8 +34,13 @@ pub(super) struct Targets {
 
 impl Targets {
     /// Returns the pipeline file, if one is named.
-    pub(super) fn file(&self) -> Option<PathBuf> {
+    fn file(&self) -> Option<PathBuf> {
         if self.run.is_some() { None } else { self.names.first().map(PathBuf::from) }
+    }
+
+    /// Reads the pipeline, if one is named.
+    pub(super) fn load(&self, register: &Register) -> Result<Option<Pipeline>, CliError> {
+        self.file().map(|file| load(&file, &self.sets, register)).transpose()
     }
 
     /// Returns the store here: that of the pipeline, or the nearest.

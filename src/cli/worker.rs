@@ -14,10 +14,11 @@ use super::remote_args::RemoteArgs;
 use super::request::{age, variables};
 use super::screen::Screen;
 use super::signals;
+use super::upward::variable;
 use crate::cluster::{End, Job, Pace, Place, Worked, Worker};
 use crate::pipeline::share::Mismatch;
 use crate::pipeline::stage::Register;
-use crate::store::{Outcome, Store};
+use crate::store::{Difference, Outcome, Store};
 
 /// The exit code of a worker that would make something else than it was told.
 const REFUSED: u8 = 5;
@@ -197,11 +198,7 @@ fn refuse(job: &Job, unit: usize, mismatches: &[Mismatch], screen: &Screen) -> E
         if mismatch.differences.is_empty() {
             return format!("`{}` is not in the plan of this program", mismatch.name);
         }
-        let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
-        let differences = mismatch.differences.iter().map(|difference| {
-            let what = difference.what.strip_prefix("environment.").unwrap_or(&difference.what);
-            format!("{what} {} there, {} here", value(&difference.before), value(&difference.after))
-        });
+        let differences = mismatch.differences.iter().map(Difference::there_and_here);
         format!("`{}`: {}", mismatch.name, differences.collect::<Vec<_>>().join(", "))
     };
     let mut lines: Vec<String> = mismatches.iter().take(SHOWN).map(difference).collect();
@@ -230,7 +227,7 @@ fn refuse(job: &Job, unit: usize, mismatches: &[Mismatch], screen: &Screen) -> E
 fn identity() -> (String, Option<String>) {
     let host = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     let host = host.trim();
-    let variable = |name: &str| std::env::var(name).ok().filter(|value| !value.is_empty());
+    let variable = |name: &str| variable(name)?.into_string().ok();
     match (variable("SLURM_ARRAY_JOB_ID"), variable("SLURM_ARRAY_TASK_ID")) {
         (Some(array), Some(task)) => {
             (format!("{host}, Slurm job {array}_{task}"), Some(format!("slurm {array}_{task}")))

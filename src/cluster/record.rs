@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::error::ClusterError;
 use super::job::{End, Job};
-use crate::pipeline::plan::{Plan, State};
+use crate::pipeline::plan::{Plan, PlannedTask};
 use crate::store::{Outcome, Received, Record, Run, RunNode, RunStatus, Store};
 
 /// Returns the record of a job's run: all tasks of the plan that it was made of, with what became of them.
@@ -12,11 +12,8 @@ use crate::store::{Outcome, Received, Record, Run, RunNode, RunStatus, Store};
 pub fn record(job: &Job, plan: &Plan, ends: &[End], store: &Store, (status, wall_s): (RunStatus, f64)) -> Run {
     let ended: BTreeMap<&str, &RunNode> =
         ends.iter().flat_map(|end| &end.nodes).map(|node| (node.node.as_str(), node)).collect();
-    let node = |task: &crate::pipeline::plan::PlannedTask| {
-        let artifact = match &task.state {
-            State::Hit { artifact } | State::Pull { artifact } => Some(artifact.clone()),
-            _ => None,
-        };
+    let node = |task: &PlannedTask| {
+        let artifact = task.made().cloned();
         let absent = |artifact: &Option<_>| artifact.as_ref().is_some_and(|artifact| !store.complete(artifact));
         if let Some(node) = ended.get(task.name.as_str()) {
             return RunNode { absent: absent(&node.artifact), ..(*node).clone() };

@@ -10,7 +10,7 @@ use super::error::ClusterError;
 use super::job::{Job, JobSource, Made, Told, Unit, UnitHead, unit_note, write};
 use crate::pipeline::execute::new_run;
 use crate::pipeline::forecast::Estimate;
-use crate::pipeline::plan::{Plan, PlannedTask, State};
+use crate::pipeline::plan::{Plan, PlannedTask};
 use crate::pipeline::selection::Selection;
 use crate::pipeline::share::told;
 use crate::pipeline::spec::{Pipeline, named_variables};
@@ -88,7 +88,7 @@ fn pieces(asked: &Submission) -> Vec<Option<Piece>> {
     let piece = |(position, task): (usize, &PlannedTask)| {
         let unknown = UNKNOWN_S.min(asked.unit_s * UNKNOWN_PART);
         let seconds = asked.estimates.get(position).copied().flatten().map_or(unknown, |estimate| estimate.seconds);
-        matches!(task.state, State::Run(_) | State::Depends(_)).then(|| Piece {
+        task.may_run().then(|| Piece {
             seconds,
             inputs: task.inputs.clone(),
             follows: follows(task),
@@ -103,19 +103,11 @@ fn head(unit: &CutUnit) -> UnitHead {
     UnitHead { wave: *wave, tasks: tasks.len(), seconds: *seconds, gpu: *gpu, needs: needs.clone() }
 }
 
-/// Returns what is on record, here or there.
-fn done(task: &PlannedTask) -> Option<&Artifact> {
-    match &task.state {
-        State::Hit { artifact } | State::Pull { artifact } => Some(artifact),
-        _ => None,
-    }
-}
-
 /// Writes down what each unit makes from what.
 fn notes(asked: &Submission, units: &[CutUnit], store: &Store) -> Result<Vec<Unit>, ClusterError> {
     let tasks = &asked.plan.tasks;
     let known: BTreeMap<&str, &Artifact> =
-        tasks.iter().filter_map(|task| Some((task.name.as_str(), done(task)?))).collect();
+        tasks.iter().filter_map(|task| Some((task.name.as_str(), task.made()?))).collect();
     let made: BTreeSet<&str> =
         units.iter().flat_map(|unit| &unit.tasks).map(|task| tasks[*task].name.as_str()).collect();
     let mut recipes: BTreeMap<NodeName, Recipe> = told(
@@ -137,7 +129,7 @@ fn notes(asked: &Submission, units: &[CutUnit], store: &Store) -> Result<Vec<Uni
             own.iter().flat_map(|task| &tasks[*task].inputs).copied().filter(|input| !own.contains(input)).collect();
         let given = read.iter().filter_map(|input| {
             let task = &tasks[*input];
-            Some(Made { name: task.name.clone(), key: task.key?, artifact: done(task)?.clone() })
+            Some(Made { name: task.name.clone(), key: task.key?, artifact: task.made()?.clone() })
         });
         // What another unit reads goes over, and all of its kind.
         let wanted = own.iter().filter(|task| readers[**task].iter().any(|reader| *reader != number));
@@ -152,7 +144,7 @@ fn notes(asked: &Submission, units: &[CutUnit], store: &Store) -> Result<Vec<Uni
             given: given.collect(),
             reads: read
                 .iter()
-                .filter(|input| done(&tasks[**input]).is_none())
+                .filter(|input| tasks[**input].made().is_none())
                 .map(|input| tasks[*input].name.clone())
                 .collect(),
             stays: stays.cloned().collect(),

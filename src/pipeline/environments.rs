@@ -11,12 +11,7 @@ pub(crate) fn others(recipe: &Recipe, stage: &dyn Stage) -> Vec<Recipe> {
 
 /// Says where it was made, and what helps.
 pub(crate) fn told(here: &Recipe, there: &Recipe, stage: &dyn Stage) -> String {
-    let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
-    let difference = |Difference { what, before, after }: &Difference| {
-        let what = what.strip_prefix("environment.").unwrap_or(what);
-        format!("{what} {} there, {} here", value(before), value(after))
-    };
-    let differences: Vec<String> = there.differences(here).iter().map(difference).collect();
+    let differences: Vec<String> = there.differences(here).iter().map(Difference::there_and_here).collect();
     let advice = stage.sharing_advice().map_or_else(String::new, |advice| format!("; {advice}"));
     format!("it was made already, but elsewhere ({}): other machines give other bytes{advice}", differences.join(", "))
 }

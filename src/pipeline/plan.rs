@@ -225,6 +225,23 @@ fn planned(ledger: &Ledger, task: usize, recipe: Recipe) -> PlannedTask {
     }
 }
 
+impl PlannedTask {
+    /// Returns what is on record of it, here or in a store elsewhere.
+    #[must_use]
+    pub const fn made(&self) -> Option<&Artifact> {
+        match &self.state {
+            State::Hit { artifact } | State::Pull { artifact } => Some(artifact),
+            _ => None,
+        }
+    }
+
+    /// Tells whether it would run, or may have to.
+    #[must_use]
+    pub const fn may_run(&self) -> bool {
+        matches!(self.state, State::Run(_) | State::Depends(_))
+    }
+}
+
 impl Plan {
     /// Counts the tasks by state.
     #[must_use]

@@ -58,6 +58,16 @@ pub struct Difference {
     pub after: Option<String>,
 }
 
+impl Difference {
+    /// Says in a few words what an older recipe, made elsewhere, has and what one of here has.
+    #[must_use]
+    pub fn there_and_here(&self) -> String {
+        let value = |value: &Option<String>| value.clone().unwrap_or_else(|| "nothing".to_owned());
+        let what = self.what.strip_prefix("environment.").unwrap_or(&self.what);
+        format!("{what} {} there, {} here", value(&self.before), value(&self.after))
+    }
+}
+
 /// A recipe and what came out.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 pub struct Record {

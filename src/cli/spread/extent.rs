@@ -3,7 +3,6 @@
 use super::super::error::CliError;
 use super::super::screen::{Screen, bytes};
 use crate::cluster::{Submission, UnitHead, bulky};
-use crate::pipeline::plan::State;
 use crate::report::amounts::seconds;
 
 /// How many requests a node and a unit make of the shared store, about.
@@ -34,7 +33,7 @@ impl Extent {
         };
         let stays = bulky(asked.pipeline);
         let made = asked.plan.tasks.iter().zip(asked.estimates);
-        let made = made.filter(|(task, _)| matches!(task.state, State::Run(_) | State::Depends(_)));
+        let made = made.filter(|(task, _)| task.may_run());
         let goes = made.filter(|(task, _)| asked.all || !stays.contains(&*task.kind));
         Self {
             units: units.len(),

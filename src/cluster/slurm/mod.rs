@@ -140,7 +140,7 @@ impl Slurm {
     }
 
     /// Looks after tasks that ended without their units: those are submitted again, as far as what they read is there.
-    /// `ended` tells which units have ended. Returns what was lost since the last time, and whether anything is still to come.
+    /// `ended` tells which units have ended. Returns what was lost since the last time.
     ///
     /// # Errors
     /// If Slurm does not answer.
@@ -197,10 +197,10 @@ impl Slurm {
             let fate = if retry { Fate::Resubmitted } else { Fate::GivenUp };
             lost.push(Lost { unit, how, fate, log });
         }
+        let most = if again.is_empty() { 1 } else { self.site.most(commands::limit)? };
         for (memory, units) in again {
             let (with, without): (Vec<usize>, Vec<usize>) = units.iter().partition(|unit| job.units[**unit].gpu);
             for (gpu, units) in [(true, with), (false, without)] {
-                let most = self.site.most(commands::limit)?;
                 for part in units.chunks(most) {
                     self.array(job, (job.units[part[0]].wave, gpu), part, &[], memory)?;
                 }

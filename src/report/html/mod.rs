@@ -20,6 +20,7 @@ mod study;
 mod training;
 mod views;
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use rayon::prelude::*;
@@ -48,12 +49,20 @@ pub fn render(store: &Store, run: &Run) -> String {
     let lineage = Lineage::new(run);
     let cache = Cache::of(store);
     // What is only on record cannot be drawn.
-    let mut here = run.clone();
-    here.nodes.iter_mut().filter(|node| node.absent).for_each(|node| node.artifact = None);
+    let here = here(run);
     let drawn = Lineage::new(&here);
     let source = Source { store, cache: &cache, lineage: &drawn };
     let results = cache.fragment(&fingerprint(&here), || results(&source));
     page::page(&lineage, &lead::section(&source), &results.html)
+}
+
+/// Returns a run with what is here of it alone.
+fn here(run: &Run) -> Cow<'_, Run> {
+    let mut here = Cow::Borrowed(run);
+    if run.nodes.iter().any(|node| node.absent) {
+        here.to_mut().nodes.iter_mut().filter(|node| node.absent).for_each(|node| node.artifact = None);
+    }
+    here
 }
 
 /// Returns a page to look closely at what lies on the map of a node, that node's own layers first; `None` if it
